@@ -1,0 +1,5 @@
+"""`python -m dlogen`."""
+
+from dlogen.cli import main
+
+main()

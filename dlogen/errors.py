@@ -1,0 +1,59 @@
+"""The errors that dlogen raises. The command line turns them into messages in one place (`dlogen.cli`)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class DlogenError(Exception):
+    """Something that the user can act on.
+
+    Args:
+        message: what is wrong, in one sentence.
+        hint: what to try.
+        path: the file that it is about, if any.
+        stage: the pipeline stage that it happened in, if any.
+    """
+
+    #: Exit code of the command line: 1 the run failed, 2 usage, config or an input that cannot be read.
+    exit_code = 1
+
+    def __init__(
+        self,
+        message: str,
+        hint: str | None = None,
+        *,
+        path: str | Path | None = None,
+        stage: str | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+        self.path = path
+        self.stage = stage
+
+    def __str__(self) -> str:
+        where = "".join(f"{part}: " for part in (self.path, self.stage) if part is not None)
+        return f"{where}{self.message}" + (f" ({self.hint})" if self.hint else "")
+
+
+class InputError(DlogenError):
+    """A file that cannot be read, or that does not hold what it claims."""
+
+    exit_code = 2
+
+
+class ConfigError(DlogenError):
+    """A configuration that cannot be used: unknown key, wrong type, out of range."""
+
+    exit_code = 2
+
+
+class UsageError(DlogenError):
+    """A call that cannot be carried out as it was made (flags that contradict, an existing output)."""
+
+    exit_code = 2
+
+
+class FitError(DlogenError):
+    """A readable cloud from which no chain can be made."""

@@ -1,0 +1,80 @@
+"""Writing files so that no reader ever sees half of one."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from dlogen.errors import UsageError
+
+
+def refuse_existing(paths: list[Path], force: bool) -> None:
+    """Refuse to overwrite.
+
+    Raises:
+        UsageError: a path exists and `force` is not set.
+    """
+    existing = [path for path in paths if path.exists()]
+    if existing and not force:
+        more = f" and {len(existing) - 1} more" if len(existing) > 1 else ""
+        raise UsageError(
+            f"output exists: {existing[0]}{more}", "use --force to overwrite, or -o for another folder"
+        )
+
+
+def write_all(contents: Mapping[Path, bytes]) -> None:
+    """Write all files or none: each to a temporary name beside its place first, then renamed.
+
+    Folders are made as needed.
+
+    Raises:
+        UsageError: the place cannot be written.
+    """
+    write_with({path: _bytes_writer(data) for path, data in contents.items()})
+
+
+def write_with(writers: Mapping[Path, Callable[[Path], None]]) -> None:
+    """As `write_all`, for writers that want a path to write to. The temporary name keeps the file's ending.
+
+    Raises:
+        UsageError: the place cannot be written.
+    """
+    staged: list[tuple[Path, Path]] = []
+    target = Path()
+    try:
+        for target, writer in writers.items():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            handle, name = tempfile.mkstemp(prefix=".dlogen-", suffix=target.suffix, dir=target.parent)
+            os.close(handle)
+            staged.append((Path(name), target))
+            writer(Path(name))
+            # mkstemp makes private files; give outputs the mode that an ordinary open() would.
+            Path(name).chmod(0o666 & ~_umask())
+        while staged:
+            temporary, target = staged[0]
+            temporary.replace(target)
+            staged.pop(0)
+    except OSError as error:
+        raise UsageError(
+            f"cannot write: {error.strerror or error}",
+            "choose another folder with -o, or check its permissions and free space",
+            path=target,
+        ) from error
+    finally:
+        for temporary, _ in staged:
+            temporary.unlink(missing_ok=True)
+
+
+def _bytes_writer(data: bytes) -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        path.write_bytes(data)
+
+    return write
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

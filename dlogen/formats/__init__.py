@@ -1,0 +1,99 @@
+"""File formats. Each is one module of this package that defines `FORMAT`; adding a file adds a format.
+
+A `CloudFormat` reads and writes point clouds, a `ModelFormat` writes what a fit made. Modules are imported to
+look at `FORMAT` only, so they import their heavy libraries inside their functions.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dlogen.errors import UsageError
+
+if TYPE_CHECKING:
+    from dlogen.model import RawCloud, Result
+
+
+@dataclass(frozen=True)
+class CloudFormat:
+    """A point cloud format.
+
+    Attributes:
+        name: what the user calls it ("ply").
+        suffixes: file name endings, with the dot.
+        description: one line for `dlogen formats`.
+        sniff: whether these first bytes of a file (up to 4096) are of this format.
+        read: path -> cloud; raises `InputError`.
+        write: (path, cloud, encoding) -> None; encodings as listed, the first is the default.
+        encodings: what `write` can make.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    description: str
+    sniff: Callable[[bytes], bool]
+    read: Callable[[Path], RawCloud]
+    write: Callable[[Path, RawCloud, str], None]
+    encodings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ModelFormat:
+    """A format for what a fit made.
+
+    Attributes:
+        name: what the user calls it ("urdf").
+        suffixes: endings of the files that it writes.
+        description: one line for `dlogen formats`.
+        write: (result, stem of the file names) -> {file name: content}.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    description: str
+    write: Callable[[Result, str], dict[str, bytes]]
+
+
+@cache
+def registered() -> tuple[CloudFormat | ModelFormat, ...]:
+    """All formats, in the order of their names."""
+    found = []
+    for module in sorted(info.name for info in pkgutil.iter_modules(__path__)):
+        candidate = getattr(importlib.import_module(f"{__name__}.{module}"), "FORMAT", None)
+        if candidate is not None:
+            found.append(candidate)
+    return tuple(sorted(found, key=lambda item: item.name))
+
+
+def cloud_formats() -> tuple[CloudFormat, ...]:
+    """The formats that clouds can be read from and written to."""
+    return tuple(item for item in registered() if isinstance(item, CloudFormat))
+
+
+def model_formats() -> tuple[ModelFormat, ...]:
+    """The formats that models can be written to."""
+    return tuple(item for item in registered() if isinstance(item, ModelFormat))
+
+
+def model_format(name: str) -> ModelFormat:
+    """The model format of that name.
+
+    Raises:
+        UsageError: there is none.
+    """
+    import difflib
+
+    known = {item.name: item for item in model_formats()}
+    if name not in known:
+        near = difflib.get_close_matches(name, known, n=1)
+        raise UsageError(
+            f"unknown model format {name!r}",
+            f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}",
+        )
+    return known[name]

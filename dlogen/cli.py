@@ -61,9 +61,7 @@ class CommandGroup(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of the modules in `dlogen.commands`."""
-        return sorted(
-            info.name for info in pkgutil.iter_modules(commands.__path__) if not info.name.startswith("_")
-        )
+        return sorted(info.name for info in pkgutil.iter_modules(commands.__path__) if not info.name.startswith("_"))
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """The command of that module."""
@@ -87,7 +85,10 @@ class CommandGroup(click.Group):
 @click.group(
     cls=CommandGroup,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
-    epilog="Examples:\n\n\b\n  dlogen fit cloud.ply\n  dlogen fit cloud.pcd -o models --set e_max=0.005\n  dlogen info cloud.ply\n",
+    epilog="Examples:\n\n\b\n"
+    "  dlogen fit cloud.ply\n"
+    "  dlogen fit cloud.pcd -o models --set e_max=0.005\n"
+    "  dlogen info cloud.ply\n",
 )
 @click.version_option(__version__, "--version", prog_name="dlogen")
 def cli() -> None:

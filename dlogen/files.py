@@ -19,9 +19,7 @@ def refuse_existing(paths: list[Path], force: bool) -> None:
     existing = [path for path in paths if path.exists()]
     if existing and not force:
         more = f" and {len(existing) - 1} more" if len(existing) > 1 else ""
-        raise UsageError(
-            f"output exists: {existing[0]}{more}", "use --force to overwrite, or -o for another folder"
-        )
+        raise UsageError(f"output exists: {existing[0]}{more}", "use --force to overwrite, or -o for another folder")
 
 
 def write_all(contents: Mapping[Path, bytes]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
 from dlogen.cli import Command
@@ -14,7 +16,7 @@ def command(as_json: bool, console: Console) -> None:
     """List the file formats that can be read and written."""
     from dlogen.formats import CloudFormat, registered
 
-    rows = [
+    rows: list[dict[str, Any]] = [
         {
             "name": item.name,
             "suffixes": list(item.suffixes),

@@ -1,0 +1,98 @@
+"""The kinematic chain: a pose for every segment (paper III.A, Eq. 1-2) and its distance to the skeleton line."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlogen.model import Array, Chain, Joints, Skeleton
+
+
+def build_chain(joints: Joints, radius: float) -> Chain:
+    """Homogeneous transforms of the segments (Eq. 1), origins in their centres (Eq. 2).
+
+    The x axis runs along the segment. The other two are carried from segment to segment by the smallest rotation
+    (rotation-minimising, discrete parallel transport; Bishop 1975): the Frenet frame of the paper's III.A is undefined
+    where the line is straight and flips at inflections.
+
+    Args:
+        joints: n + 1 joints.
+        radius: radius of the object, metres.
+
+    Returns:
+        n segments.
+    """
+    start, end = joints.positions[:-1], joints.positions[1:]
+    lengths = np.linalg.norm(end - start, axis=1)
+    tangents = (end - start) / lengths[:, None]
+    transforms = np.zeros((len(lengths), 4, 4))
+    transforms[:, 3, 3] = 1.0
+    transforms[:, :3, 3] = start + 0.5 * (end - start)
+    transforms[:, :3, :3] = minimal_rotation_frames(tangents)
+    return Chain(joints.positions, joints.s, transforms, lengths, radius)
+
+
+def minimal_rotation_frames(tangents: Array) -> Array:
+    """Frames whose x axes are the tangents and which turn from one to the next without twist.
+
+    The first frame's z axis is as near to the world's z axis as it can be (to the world's x axis for a vertical one).
+
+    Args:
+        tangents: (n, 3) unit vectors.
+
+    Returns:
+        (n, 3, 3) rotation matrices, columns x, y, z.
+    """
+    frames = np.empty((len(tangents), 3, 3))
+    x = tangents[0]
+    up = np.array([0.0, 0.0, 1.0]) if abs(x[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    y = np.cross(up, x)
+    y /= np.linalg.norm(y)
+    frames[0] = np.stack([x, y, np.cross(x, y)], axis=1)
+    for i in range(1, len(tangents)):
+        y = frames[i - 1, :, 1]
+        x0, x = tangents[i - 1], tangents[i]
+        cosine = float(x0 @ x)
+        if cosine > -1.0 + 1e-12:
+            # The rotation of x0 into x about their common normal (Rodrigues), applied to y.
+            y = y - (float(x @ y) / (1.0 + cosine)) * (x0 + x)
+        # Rounding must not add up along long chains.
+        y = y - (y @ x) * x
+        y /= np.linalg.norm(y)
+        frames[i] = np.stack([x, y, np.cross(x, y)], axis=1)
+    return frames
+
+
+def deviation(line: Skeleton, joints: Joints, samples: int = 33) -> tuple[float, float]:
+    """The largest distance between the skeleton line and its chain, each piece against its own segment.
+
+    Eq. 15 with the correspondence that the joints give. Samples each piece, then looks closer at the worst place.
+
+    Args:
+        line: the skeleton line.
+        joints: joints on it.
+        samples: points a segment.
+
+    Returns:
+        (distance in metres, s).
+    """
+    fraction = np.linspace(0.0, 1.0, samples)
+    start, end = joints.positions[:-1], joints.positions[1:]
+    s = joints.s[:-1, None] + np.diff(joints.s)[:, None] * fraction
+    distance = _to_segments(line, s, start, end)
+    worst = np.unravel_index(int(np.argmax(distance)), distance.shape)
+    i = int(worst[0])
+    step = (joints.s[i + 1] - joints.s[i]) / (samples - 1)
+    close = np.linspace(max(s[worst] - step, joints.s[i]), min(s[worst] + step, joints.s[i + 1]), 65)
+    finer = _to_segments(line, close[None, :], start[i : i + 1], end[i : i + 1])[0]
+    best = int(np.argmax(finer))
+    return float(max(finer[best], distance[worst])), float(close[best])
+
+
+def _to_segments(line: Skeleton, s: Array, start: Array, end: Array) -> Array:
+    """Distances of f(s[i, :]) to segment i."""
+    points = line(s.ravel()).reshape(*s.shape, 3)
+    axis = end - start
+    along = np.einsum("ijk,ik->ij", points - start[:, None], axis) / np.einsum("ik,ik->i", axis, axis)[:, None]
+    foot = start[:, None] + np.clip(along, 0.0, 1.0)[..., None] * axis[:, None]
+    distance: Array = np.linalg.norm(points - foot, axis=2)
+    return distance

@@ -74,7 +74,7 @@ def _normals_within(points: Array, radius: float, tree: cKDTree) -> Array:
     """Plane fits over all neighbours within `radius`; points with fewer than three use their three nearest."""
     normals = np.empty_like(points)
     counts = tree.query_ball_point(points, radius, return_length=True)
-    block_ends = np.flatnonzero(np.diff(np.cumsum(counts) // _BLOCK, prepend=0)) if len(points) else []
+    block_ends = np.flatnonzero(np.diff(np.cumsum(counts) // _BLOCK, prepend=0)).tolist()
     for first, last in zip([0, *block_ends], [*block_ends, len(points)], strict=True):
         if first == last:
             continue

@@ -35,15 +35,16 @@ def choose_beta(basis: Basis, points: Array, s: Array) -> float:
         s: (M,) their coordinates in [0, 1].
     """
     y = points - points.mean(axis=0)
-    # The singular values and rotated data give the residuals for every beta at once.
-    u, singular, _ = np.linalg.svd(basis(s), full_matrices=False)
-    rotated = u.T @ y
-    energy = np.sum(rotated**2, axis=1)
-    outside = max(float(np.sum(y**2) - energy.sum()), 0.0)
-    shrink = singular**2 / (singular**2 + _BETAS[:, None])
-    residual = outside + ((1.0 - shrink) ** 2) @ energy
-    freedom = len(y) - shrink.sum(axis=1)
-    return float(_BETAS[np.argmin(residual / np.maximum(freedom, 1.0) ** 2)])
+    phi = basis(s)
+    # In the eigenvectors of Phi^T Phi the residuals for every beta come at once.
+    values, vectors = np.linalg.eigh(phi.T @ phi)
+    values = np.maximum(values, 0.0)
+    energy = np.sum((vectors.T @ (phi.T @ y)) ** 2, axis=1)
+    shrink = values / (values + _BETAS[:, None])
+    explained = ((2.0 - shrink) / (values + _BETAS[:, None])) @ energy
+    residual = np.maximum(float(np.sum(y**2)) - explained, 0.0)
+    freedom = np.maximum(len(y) - shrink.sum(axis=1), 1.0)
+    return float(_BETAS[np.argmin(residual / freedom**2)])
 
 
 def fit_skeleton(points: Array, s: Array, basis: Basis, beta: float) -> Skeleton:

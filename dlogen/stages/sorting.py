@@ -24,6 +24,11 @@ def local_direction(normals: Array) -> Array:
     return direction
 
 
+def default_start(projected: Array) -> int:
+    """The point nearest the median of the cloud: the order of the points in the file has no influence on it."""
+    return int(np.argmin(np.sum((projected - np.median(projected, axis=0)) ** 2, axis=1)))
+
+
 def sort_points(projected: Array, normals: Array, search_radius: float, start: int | None = None) -> SortedPoints:
     """Walk along the object from a start point, in both directions (Eq. 5-6).
 
@@ -35,15 +40,13 @@ def sort_points(projected: Array, normals: Array, search_radius: float, start: i
         projected: (M, 3) projected points, metres.
         normals: (M, 3) their unit normals.
         search_radius: r_n, metres; larger than the diameter.
-        start: index of the first stop; by default the point nearest the median of the cloud, so that the order
-            of the points in the file has no influence.
+        start: index of the first stop; `default_start` if not given.
 
     Returns:
         The order and the coordinates, scaled to [0, 1] over the points that the walk reached.
     """
     tree = cKDTree(projected)
-    if start is None:
-        start = int(np.argmin(np.sum((projected - np.median(projected, axis=0)) ** 2, axis=1)))
+    start = default_start(projected) if start is None else start
     coordinate = np.full(len(projected), np.nan)
     ball = np.asarray(tree.query_ball_point(projected[start], search_radius))
     direction = local_direction(normals[ball])

@@ -1,0 +1,136 @@
+"""`dlogen fit`: one cloud to one model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dlogen.cli import Command
+from dlogen.console import Console, dump_json, print_json
+
+if TYPE_CHECKING:
+    from dlogen.model import Result
+
+_EXAMPLES = """Examples:
+
+\b
+  dlogen fit cloud.ply
+  dlogen fit hose.pcd -c configs/vacuum_hose.yaml -o models
+  dlogen fit scan.ply --set units=mm --set e_max=0.005 --format urdf
+  dlogen fit cloud.ply --reference cloud.truth.json --json | jq .reference.mean
+"""
+
+
+@click.command(cls=Command, epilog=_EXAMPLES)
+@click.argument("cloud", type=click.Path(allow_dash=True))
+@click.option("-c", "--config", "config_path", metavar="FILE", help="YAML configuration (see dlogen config show).")
+@click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Set one configuration key; repeatable.")
+@click.option("--profile", type=click.Choice(["refined", "paper"]), help="Shorthand for --set profile=...")
+@click.option("-o", "--output", "folder", metavar="DIR", default=".", help="Folder for the outputs.  [default: .]")
+@click.option(
+    "--format",
+    "formats",
+    metavar="NAME,...",
+    default="urdf,json",
+    show_default=True,
+    help="Model formats to write (see dlogen formats), or all.",
+)
+@click.option("--reference", metavar="CURVE", help="Known centre line to measure the skeleton line against.")
+@click.option("--dump", "dump_folder", metavar="DIR", help="Write what every stage made into this folder.")
+@click.option("--json", "as_json", is_flag=True, help="Print the report as JSON to stdout.")
+@click.option("--strict", is_flag=True, help="Exit 1 unless the verdict is good.")
+@click.option("--force", is_flag=True, help="Overwrite existing outputs.")
+def command(
+    cloud: str,
+    config_path: str | None,
+    overrides: tuple[str, ...],
+    profile: str | None,
+    folder: str,
+    formats: str,
+    reference: str | None,
+    dump_folder: str | None,
+    as_json: bool,
+    strict: bool,
+    force: bool,
+    console: Console,
+) -> None:
+    """Make a kinematic model from the point cloud CLOUD (PLY or PCD, - for stdin).
+
+    Writes NAME.urdf, NAME.json (the kinematic chain) and NAME.report.json (the errors), all in metres.
+    """
+    from dlogen.config import load_config
+    from dlogen.files import refuse_existing, write_all
+    from dlogen.formats import model_format, model_formats
+
+    config = load_config(config_path, [*overrides, *([f"profile={profile}"] if profile else [])])
+    wanted = [item.name for item in model_formats()] if formats == "all" else _names(formats)
+    writers = [model_format(name) for name in wanted]
+    stem = "cloud" if cloud == "-" else Path(cloud).stem
+    out = Path(folder)
+    # Refuse before the work, not after it.
+    expected = [out / f"{stem}{suffix}" for writer in writers for suffix in writer.suffixes]
+    refuse_existing([*expected, out / f"{stem}.report.json"], force)
+
+    from dlogen.clouds import read_cloud
+    from dlogen.pipeline import fit
+    from dlogen.report import report_dict
+
+    with console.status(f"fitting {stem}"):
+        data = read_cloud(cloud)
+        result = fit(data, config, name=stem)
+        compared = _against(reference, result, config.mdtw.samples) if reference else None
+    contents = {out / name: data for writer in writers for name, data in writer.write(result, stem).items()}
+    report = report_dict(result, compared)
+    contents[out / f"{stem}.report.json"] = dump_json(report).encode()
+    if dump_folder is not None:
+        from dlogen.dump import dump_files
+
+        dumps = {Path(dump_folder) / f"{stem}.{name}": data for name, data in dump_files(result).items()}
+        refuse_existing(list(dumps), force)
+        contents.update(dumps)
+    write_all(contents)
+
+    _tell(result, console)
+    console.info("wrote " + ", ".join(str(path) for path in contents if path.parent == out))
+    if as_json:
+        print_json(report)
+    if strict and result.quality.verdict != "good":
+        from dlogen.errors import FitError
+
+        raise FitError(
+            f"the verdict is {result.quality.verdict}", "see the findings above, or leave --strict away", path=cloud
+        )
+
+
+def _names(formats: str) -> list[str]:
+    return list(dict.fromkeys(name.strip() for name in formats.split(",") if name.strip()))
+
+
+def _against(reference: str, result: Result, samples: int) -> dict[str, object]:
+    """The skeleton line against a known curve."""
+    from dlogen.arclength import even_parameters
+    from dlogen.curves import compare, load_curve
+
+    line = result.skeleton(even_parameters(result.skeleton, samples))
+    return compare(load_curve(reference).points, line, samples=samples)
+
+
+def _tell(result: Result, console: Console) -> None:
+    """The outcome in a few lines for people."""
+    chain = result.chain
+    n = len(chain.lengths)
+    segments = f"{n} segment{'s' if n > 1 else ''} of {1e3 * result.joints.segment_length:.1f} mm"
+    if n > 1:
+        segments += f" (last {1e3 * result.joints.last_segment_length:.1f} mm)"
+    console.info(
+        f"{result.name}: {result.skeleton.length:.4f} m long, radius {1e3 * chain.radius:.2f} mm; {segments}; "
+        f"deviation {1e3 * result.max_deviation:.2f} mm (allowed {1e3 * result.e_max:.2f}); {result.quality.verdict}"
+    )
+    for finding in result.quality.findings:
+        place = f" (at s = {finding.s:.3f})" if finding.s is not None else ""
+        text = f"{finding.message}{place} [{finding.code}]"
+        console.detail(text) if finding.severity == "note" else console.warning(text)
+    for stage, seconds in result.timings.items():
+        console.detail(f"  {stage:<14}{1e3 * seconds:8.1f} ms")

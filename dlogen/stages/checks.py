@@ -1,0 +1,146 @@
+"""What a user should know before trusting a chain: refusals before the fit and findings after it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlogen.errors import FitError
+from dlogen.model import Array, Finding, IntArray, Skeleton
+
+#: Fewer points than this cannot show a tube; the paper works with 5,000.
+MIN_POINTS = 30
+
+
+def check_points(points: Array, *, surface: bool = True) -> None:
+    """Refuse clouds from which no chain can be made.
+
+    Args:
+        points: (M, 3) finite points, any units.
+        surface: whether the points are those of a surface, so that a flat cloud makes no sense.
+
+    Raises:
+        FitError: too few points, all in one place, flat, or pixel coordinates.
+    """
+    if len(points) < MIN_POINTS:
+        raise FitError(
+            f"{len(points)} points are too few: at least {MIN_POINTS} are needed",
+            "a few hundred points along the object are a good start",
+            stage="input",
+        )
+    extent = np.ptp(points, axis=0)
+    size = float(extent.max())
+    # What is left of double precision at these coordinates.
+    noise_floor = 1e-12 * max(float(np.abs(points).max()), 1e-300)
+    if size <= 10.0 * noise_floor:
+        raise FitError(f"all {len(points)} points are in one place", "check how the cloud was written", stage="input")
+    flat = extent <= max(1e-9 * size, 10.0 * noise_floor)
+    if flat.any() and surface:
+        axis = "xyz"[int(np.argmax(flat))]
+        whole = np.all(points[:: max(1, len(points) // 1000)] % 1.0 == 0.0)
+        if whole:
+            raise FitError(
+                f"the points look like two-dimensional pixel data: whole numbers, {axis} the same for all",
+                "convert the depth image to metric 3-D points first",
+                stage="input",
+            )
+        raise FitError(
+            f"the cloud is flat: {axis} is the same for all points",
+            "points on the surface are needed; for points on the centre line set projection.enabled to false",
+            stage="input",
+        )
+
+
+def check_line(
+    line: Skeleton,
+    radius: float,
+    s: Array,
+    distance: Array,
+    unreached: IntArray,
+    max_curvature: tuple[float, float],
+) -> list[Finding]:
+    """Findings about a skeleton line and the cloud that it came from.
+
+    Args:
+        line: the skeleton line.
+        radius: of the object, metres.
+        s: (M,) foot coordinate of every point.
+        distance: (M,) its distance to the line, metres.
+        unreached: points that the sorting walk did not reach.
+        max_curvature: kappa (1/m) and the s where it is.
+    """
+    findings = []
+    kappa, s_kappa = max_curvature
+    if kappa * radius > 1.0:
+        findings.append(
+            _at(
+                line,
+                "bend-tighter-than-radius",
+                f"the line bends with a radius of {1e3 / kappa:.1f} mm, tighter than the object's own {1e3 * radius:.1f} mm",
+                "bad",
+                s_kappa,
+            )
+        )
+    share = len(unreached) / len(s)
+    if share > 0.02:
+        findings.append(
+            Finding(
+                "points-not-reached",
+                f"{100 * share:.0f} % of the points were not reached along the object: strays, a branch, a gap "
+                "or a second object",
+                "bad" if share > 0.15 else "doubtful",
+            )
+        )
+    off = np.abs(distance - radius) > 0.5 * radius
+    if np.mean(off) > 0.1:
+        findings.append(
+            Finding(
+                "points-off-the-tube",
+                f"{100 * np.mean(off):.0f} % of the points are more than half a radius from the tube's surface: "
+                "the cloud is not one tube of this radius, or the fit failed",
+                "bad" if np.mean(off) > 0.3 else "doubtful",
+            )
+        )
+    findings += _gaps(line, radius, s[~off])
+    findings += _closed(line, radius)
+    if line.length > 50.0:
+        findings.append(
+            Finding("units", f"the object is {line.length:.0f} m long: set units (mm, cm) if it is not", "doubtful")
+        )
+    return findings
+
+
+def _gaps(line: Skeleton, radius: float, s: Array) -> list[Finding]:
+    """Stretches without points that chance does not explain."""
+    if len(s) < 2:
+        return []
+    order = np.sort(s)
+    steps = np.diff(order)
+    # Of M random points the largest gap is about ln(M) / M; half as much again happens once in hundreds of clouds.
+    expected = (np.log(len(s)) + 6.0) * max(float(np.median(steps)) / np.log(2.0), 1.0 / len(s))
+    wide = np.flatnonzero(steps > max(expected, 2.0 * radius / line.length))
+    return [
+        _at(
+            line,
+            "gap",
+            f"no points over {1e3 * steps[i] * line.length:.0f} mm of the length: the line is a guess there",
+            "doubtful",
+            float(0.5 * (order[i] + order[i + 1])),
+        )
+        for i in wide
+    ]
+
+
+def _closed(line: Skeleton, radius: float) -> list[Finding]:
+    """A ring has no ends: they meet, and the line goes on from one into the other."""
+    ends = line(np.array([0.0, 1.0]))
+    tangents = line(np.array([0.0, 1.0]), 1)
+    tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-300)
+    gap = float(np.linalg.norm(ends[1] - ends[0]))
+    if gap < max(3.0 * radius, 0.02 * line.length) and tangents[0] @ tangents[1] > 0.5 and line.length > 10.0 * radius:
+        return [_at(line, "closed-ring", "the ends meet: a closed ring has no first and last joint", "bad", 0.0)]
+    return []
+
+
+def _at(line: Skeleton, code: str, message: str, severity: str, s: float) -> Finding:
+    x, y, z = (float(value) for value in line(s)[0])
+    return Finding(code, message, severity, s, (x, y, z))

@@ -130,11 +130,11 @@ def _paper_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock: _
     points = cloud.points
     with clock.stage("scale"):
         radius = estimate_scale(points).radius if config.r == AUTO else config.r
-        search_radius = _search_radius(points, radius) if config.r_n == AUTO else config.r_n
-        settings["r"], settings["r_n"] = radius, search_radius
-        if search_radius < 2.0 * radius:
+        r_n = search_radius(points, radius) if config.r_n == AUTO else config.r_n
+        settings["r"], settings["r_n"] = radius, r_n
+        if r_n < 2.0 * radius:
             raise ConfigError(
-                f"r_n = {search_radius:g} m is below the diameter 2 r = {2 * radius:g} m",
+                f"r_n = {r_n:g} m is below the diameter 2 r = {2 * radius:g} m",
                 "the search radius has to span the object (paper III.B): leave r_n at auto, or try 8 r",
             )
 
@@ -150,7 +150,7 @@ def _paper_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock: _
             raise ConfigError(
                 f"sorting.start = {start}, but the cloud has {len(points)} points", "points are counted from 0"
             )
-        order = sort_points(projected, normals, search_radius, start)
+        order = sort_points(projected, normals, r_n, start)
         reached = projected[order.index]
 
     with clock.stage("skeleton"):
@@ -190,7 +190,7 @@ def _normals(cloud: Cloud, radius: float, config: Config, settings: dict[str, An
     return orient_normals(cloud.points, normals, radius, viewpoint=cloud.viewpoint, method=options.orientation)
 
 
-def _search_radius(points: Array, radius: float) -> float:
+def search_radius(points: Array, radius: float) -> float:
     """r_n for `auto`: twice the diameter, more where the points are sparse.
 
     The paper's experiment has 8 r (Table III); its results do not change between 3 r and 8 r, and the smaller one

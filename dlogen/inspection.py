@@ -1,0 +1,66 @@
+"""What is in a cloud and which parameters fit it, without fitting."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dlogen.errors import DlogenError
+from dlogen.model import Cloud
+from dlogen.pipeline import search_radius
+from dlogen.stages.checks import check_points
+from dlogen.stages.normals import choose_neighbours
+from dlogen.stages.scale import estimate_scale
+from dlogen.stages.skeleton import PAPER_SIZE
+from dlogen.units import METRES, guess_units
+
+
+def inspect(cloud: Cloud, units: str = "auto") -> dict[str, Any]:
+    """Size, spacing and the parameters that `auto` would choose.
+
+    Args:
+        cloud: what `read_cloud` gives.
+        units: "m", "mm", "cm", or "auto" for a guess.
+
+    Returns:
+        Plain data; lengths in metres. `problem` says why the cloud cannot be fitted, None if nothing speaks against it.
+    """
+    source = cloud.source
+    guessed = guess_units(cloud.points)
+    scale = METRES[guessed if units == "auto" else units]
+    low, high = cloud.points.min(axis=0), cloud.points.max(axis=0)
+    points = (cloud.points - 0.5 * (low + high)) * scale
+    out: dict[str, Any] = {
+        "schema": "dlogen.info/1",
+        "name": source.name if source else None,
+        "format": source.format if source else None,
+        "encoding": source.encoding if source else None,
+        "fields": list(source.fields) if source else ["x", "y", "z"],
+        "declared_points": source.declared_points if source else len(points),
+        "organised": [source.width, source.height] if source and source.height > 1 else None,
+        "points": len(points),
+        "dropped": {"non_finite": cloud.dropped.non_finite, "duplicates": cloud.dropped.duplicates},
+        "normals": cloud.normals is not None,
+        "viewpoint": None if cloud.viewpoint is None else (cloud.viewpoint * scale).tolist(),
+        "units": {"guess": guessed, "used": guessed if units == "auto" else units},
+        "minimum": (low * scale).tolist(),
+        "maximum": (high * scale).tolist(),
+        "extent": ((high - low) * scale).tolist(),
+        "problem": None,
+    }
+    try:
+        check_points(cloud.points)
+        found = estimate_scale(points)
+    except DlogenError as error:
+        return {**out, "problem": error.message}
+    finite = {key: value if np.isfinite(value) else None for key, value in vars(found).items()}
+    out["scale"] = finite
+    out["chosen"] = {
+        "r": found.radius,
+        "r_n": search_radius(points, found.radius),
+        "e_max": found.radius / 2.0,
+        "N": PAPER_SIZE,
+        "normals.neighbours": choose_neighbours(points, found.radius),
+    }
+    return out

@@ -1,139 +1,21 @@
-"""The configuration: what can be set, what each setting may hold, and how it is read.
+"""The configuration: everything that can be set, declared once.
 
-Every key is declared once, as a field of `Config` or of one of its sections, with a `Setting` that says what it may
-hold. The checks below, the commented YAML of `dlogen config show` and the JSON Schema of `dlogen config schema` all
-follow from that.
+Every key is a field of `Config` or of one of its sections, with a `Setting` that says what it may hold. The checks, the
+commented YAML of `dlogen config show` and the JSON Schema of `dlogen config schema` all follow from that.
 
 Lengths (`r`, `r_n`, `e_max`, `normals.radius`) are metres, always: `units` says only what the cloud's numbers are.
 """
 
 from __future__ import annotations
 
-import difflib
-import math
-import numbers
-import re
-import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache
 from pathlib import Path
-from typing import Any, Final, Literal, cast
+from typing import Any, Literal, cast
 
-from dlogen.errors import ConfigError
-
-Auto = Literal["auto"]
-#: The value that leaves a setting to dlogen.
-AUTO: Final = "auto"
-
-#: A configuration file larger than this is something else, given by mistake.
-MAX_BYTES = 100_000
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What one key may hold.
-
-    Attributes:
-        kind: the type of its values. Whole floats such as 21.0 count as integers, as they do in JSON Schema.
-        help: one sentence.
-        unit: of a number.
-        auto: what "auto" does; None where "auto" is not allowed.
-        above: numbers must be greater than this.
-        least, most: smallest and largest number allowed.
-        choices: the words that a "choice" can be.
-        also: other spellings of the key that are accepted.
-        sought: names under which people look for it; they are not accepted, but lead to a hint.
-    """
-
-    kind: Literal["number", "integer", "flag", "choice", "text"]
-    help: str
-    unit: str = ""
-    auto: str | None = None
-    above: float | None = None
-    least: float | None = None
-    most: float | None = None
-    choices: tuple[str, ...] = ()
-    also: tuple[str, ...] = ()
-    sought: tuple[str, ...] = ()
-
-    @property
-    def expected(self) -> str:
-        """What is allowed, in words."""
-        if self.kind == "flag":
-            return "true or false"
-        if self.kind == "choice":
-            return "one of " + ", ".join(self.choices) if len(self.choices) > 1 else self.choices[0]
-        if self.kind == "text":
-            return f"text of {self.least:g} to {self.most:g} printable characters"
-        what = "a whole number" if self.kind == "integer" else "a number"
-        limits = [
-            f"{sign} {limit:.12g}"
-            for sign, limit in ((">", self.above), (">=", self.least), ("<=", self.most))
-            if limit is not None
-        ]
-        what += "".join(f" {part}" for part in (" and ".join(limits), self.unit) if part)
-        return f"{what}, or auto" if self.auto is not None else what
-
-    def read(self, value: object) -> Any:
-        """The value with the type that the key's field has.
-
-        Raises:
-            ValueError: it is not allowed. The text is a hint, or empty.
-        """
-        if self.kind == "flag":
-            if not isinstance(value, bool):
-                raise ValueError("write true or false")
-            return value
-        if self.kind == "choice":
-            if not isinstance(value, str) or value not in self.choices:
-                raise ValueError(_near_word(value, self.choices))
-            return value
-        if self.kind == "text":
-            if not isinstance(value, str):
-                raise ValueError("put it in quotes")
-            if not (self.least or 0) <= len(value) <= (self.most or math.inf) or not value.isprintable():
-                raise ValueError("")
-            return value
-        if self.auto is not None and isinstance(value, str) and value == AUTO:
-            return AUTO
-        return self._read_number(value)
-
-    def _read_number(self, value: object) -> int | float:
-        if isinstance(value, str):
-            raise ValueError(self._text_hint(value))
-        if isinstance(value, bool) or not isinstance(value, numbers.Real):
-            raise ValueError("")
-        try:
-            number = float(value)
-        except OverflowError:
-            number = math.inf
-        if not math.isfinite(number):
-            raise ValueError("it must be finite")
-        if self.kind == "integer":
-            if number != math.floor(number):
-                raise ValueError("it must be whole")
-            number = math.floor(value)
-        if (
-            (self.above is not None and number <= self.above)
-            or (self.least is not None and number < self.least)
-            or (self.most is not None and number > self.most)
-        ):
-            raise ValueError("")
-        return number
-
-    def _text_hint(self, text: str) -> str:
-        if self.auto is not None and text.strip().casefold() == AUTO:
-            return "write auto in small letters"
-        if re.fullmatch(r"\s*[-+]?[\d.]+([eE][-+]?\d+)?\s*", text):
-            return "write it without quotes"
-        if re.fullmatch(r"\s*\d*,\d+\s*", text):
-            return "the decimal mark is a point"
-        length = re.fullmatch(r"\s*(\d*\.?\d+)\s*(mm|cm|m)\s*", text)
-        if length and self.unit == "m":
-            metres = float(length[1]) * {"mm": 1e-3, "cm": 1e-2, "m": 1.0}[length[2]]
-            return f"lengths are metres, without a unit: {metres:.12g}"
-        return ""
+from dlogen.config_reader import Values, read_file, read_mapping, read_override, read_value
+from dlogen.settings import AUTO, Auto, Keys, Problem, Setting, refuse, show, wrong_value
 
 
 def _holds(*args: Any, **kwargs: Any) -> dict[str, Setting]:
@@ -141,33 +23,28 @@ def _holds(*args: Any, **kwargs: Any) -> dict[str, Setting]:
     return {"setting": Setting(*args, **kwargs)}
 
 
-def _near_word(value: object, words: Sequence[str]) -> str:
-    near = difflib.get_close_matches(str(value).casefold(), words, n=1)
-    return f"did you mean {near[0]!r}?" if near else ""
-
-
-class _Checked:
-    """Checks the settings among its fields when it is made."""
+class _Section:
+    """Checks its settings when it is made. What a section is about stands in its docstring."""
 
     @classmethod
-    def _settings(cls) -> tuple[tuple[str, Setting], ...]:
-        return tuple(
-            (item.name, item.metadata["setting"]) for item in fields(cast("Any", cls)) if "setting" in item.metadata
-        )
+    def settings(cls) -> dict[str, Setting]:
+        """The settings among the fields, by name, in the order of declaration."""
+        own = fields(cast("Any", cls))
+        return {item.name: item.metadata["setting"] for item in own if "setting" in item.metadata}
 
     def __post_init__(self) -> None:
         problems = []
-        for name, setting in self._settings():
+        for name, setting in self.settings().items():
             value = getattr(self, name)
             try:
                 object.__setattr__(self, name, setting.read(value))
             except ValueError as error:
-                problems.append(_wrong_value("", name, value, setting, str(error)))
-        _refuse(problems)
+                problems.append(wrong_value("", name, value, setting, str(error)))
+        refuse(problems)
 
 
 @dataclass(frozen=True)
-class Normals(_Checked):
+class Normals(_Section):
     """Surface normals (paper III.B)."""
 
     neighbours: int | Auto = field(
@@ -204,7 +81,7 @@ class Normals(_Checked):
 
 
 @dataclass(frozen=True)
-class Projection(_Checked):
+class Projection(_Section):
     """Projection of the surface points onto the axis (paper Eq. 4)."""
 
     enabled: bool = field(
@@ -214,7 +91,7 @@ class Projection(_Checked):
 
 
 @dataclass(frozen=True)
-class Sorting(_Checked):
+class Sorting(_Section):
     """Sorting of the points along the object (paper Eq. 5-6)."""
 
     start: int | Auto = field(
@@ -230,7 +107,7 @@ class Sorting(_Checked):
 
 
 @dataclass(frozen=True)
-class SkeletonLine(_Checked):
+class SkeletonLine(_Section):
     """The skeleton line as weighted basis functions (paper Eq. 7-11)."""
 
     tau: float | Auto = field(
@@ -238,7 +115,7 @@ class SkeletonLine(_Checked):
         metadata=_holds(
             "number",
             "Width parameter of the inverse quadratic basis functions (profile paper).",
-            auto="N / 4, as in the paper (printed there as k)",
+            auto="N / 4, as in the paper, where it is printed as k",
             above=0,
             sought=("width", "basis_width"),
         ),
@@ -246,7 +123,7 @@ class SkeletonLine(_Checked):
 
 
 @dataclass(frozen=True)
-class Segmentation(_Checked):
+class Segmentation(_Section):
     """Segment length from curvature and e_max (paper III.D)."""
 
     criterion: str = field(
@@ -256,7 +133,7 @@ class Segmentation(_Checked):
 
 
 @dataclass(frozen=True)
-class Refine(_Checked):
+class Refine(_Section):
     """The fit of the tube to all points (profile refined)."""
 
     iterations: int | Auto = field(
@@ -273,7 +150,7 @@ class Refine(_Checked):
 
 
 @dataclass(frozen=True)
-class MdtwSettings(_Checked):
+class MdtwSettings(_Section):
     """The error between skeleton line and chain (paper IV.A)."""
 
     samples: int = field(
@@ -285,7 +162,7 @@ class MdtwSettings(_Checked):
 
 
 @dataclass(frozen=True)
-class Material(_Checked):
+class Material(_Section):
     """What the object is made of, for the masses and inertias of the model."""
 
     name: str = field(
@@ -304,7 +181,7 @@ class Material(_Checked):
 
 
 @dataclass(frozen=True)
-class Report(_Checked):
+class Report(_Section):
     """The report file."""
 
     timings: bool = field(
@@ -314,7 +191,7 @@ class Report(_Checked):
 
 
 @dataclass(frozen=True)
-class Config(_Checked):
+class Config(_Section):
     """Everything that can be set. `Config()` is the default and fits most clouds.
 
     Raises:
@@ -411,44 +288,31 @@ class Config(_Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, section in sections().items():
-            value = getattr(self, name)
-            if not isinstance(value, section):
-                _refuse(
-                    [_Problem("", f"{name}: expected {section.__name__}(...), got {_show(value)}", "see dlogen.config")]
-                )
-        _refuse(_contradictions(_flat(self.to_dict()), {}))
+        wrong = [
+            Problem("", f"{name} = {show(getattr(self, name))}: expected {kind.__name__}(...)", "see dlogen.config")
+            for name, kind in _sections().items()
+            if not isinstance(getattr(self, name), kind)
+        ]
+        refuse(wrong)
+        refuse(_contradictions(self._values(), {}))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Config:
-        """The configuration that a mapping describes, sections being mappings in it. What is left out is default.
+        """The configuration that a mapping describes, with mappings for sections. What is left out is default.
 
         Raises:
             ConfigError: names every key that is unknown or holds what it may not.
         """
-        values, problems = _read_mapping(data, lambda path: "")
-        _refuse(problems)
-        return cls._from_flat(values)
-
-    @classmethod
-    def _from_flat(cls, values: Mapping[str, Any]) -> Config:
-        """From dotted keys, with values that have been read."""
-        inner: dict[str, dict[str, Any]] = {name: {} for name in sections()}
-        top: dict[str, Any] = {}
-        for key, value in values.items():
-            section, dot, name = key.partition(".")
-            if dot:
-                inner[section][name] = value
-            else:
-                top[key] = value
-        return cls(**top, **{name: cast("Any", section(**inner[name])) for name, section in sections().items()})
+        values, problems = read_mapping(config_keys(), data)
+        refuse(problems)
+        return cls._of(values)
 
     def to_dict(self) -> dict[str, Any]:
-        """As nested plain data, in the order of declaration; `from_dict` reads it back."""
-        out: dict[str, Any] = {name: getattr(self, name) for name, _ in Config._settings()}
-        for name, section in sections().items():
-            values = getattr(self, name)
-            out[name] = {key: getattr(values, key) for key, _ in section._settings()}
+        """As nested plain data, in the order of declaration. `from_dict` reads it back."""
+        out: dict[str, Any] = {}
+        for key, value in self._values().items():
+            section, _, name = key.rpartition(".")
+            (out.setdefault(section, {}) if section else out)[name] = value
         return out
 
     def replace(self, changes: Mapping[str, Any] | None = None, /, **top: Any) -> Config:
@@ -457,15 +321,32 @@ class Config(_Checked):
         Raises:
             ConfigError: as `from_dict`.
         """
-        values, problems = _flat(self.to_dict()), []
+        values, problems = self._values(), list[Problem]()
         for name, value in {**(changes or {}), **top}.items():
-            key = _spellings().get(name)
+            key = config_keys().find(name)
             if key is None:
-                problems.append(_unknown("", name, ""))
+                problems.append(config_keys().unknown("", name))
             else:
-                _read_value(key, value, "", values, problems)
-        _refuse(problems)
-        return self._from_flat(values)
+                values |= read_value(config_keys(), key, value, "", problems)
+        refuse(problems)
+        return self._of(values)
+
+    def _values(self) -> Values:
+        """All values by dotted key."""
+        values: Values = {name: getattr(self, name) for name in self.settings()}
+        for section, kind in _sections().items():
+            values |= {f"{section}.{name}": getattr(getattr(self, section), name) for name in kind.settings()}
+        return values
+
+    @classmethod
+    def _of(cls, values: Values) -> Config:
+        """From checked values by dotted key; the opposite of `_values`."""
+        nested: dict[str, dict[str, Any]] = {"": {}}
+        for key, value in values.items():
+            section, _, name = key.rpartition(".")
+            nested.setdefault(section, {})[name] = value
+        top: dict[str, Any] = nested.pop("")
+        return cls(**top, **{section: cast("Any", _sections()[section](**inner)) for section, inner in nested.items()})
 
 
 def load_config(path: str | Path | None = None, overrides: Sequence[str] = ()) -> Config:
@@ -480,309 +361,66 @@ def load_config(path: str | Path | None = None, overrides: Sequence[str] = ()) -
         ConfigError: the file cannot be read or is not YAML; a key is unknown, given twice or holds what it may not;
             two keys contradict each other. All that is wrong is named, with lines.
     """
-    values: dict[str, Any] = {}
-    origins: dict[str, str] = {}
-    if path is not None:
-        values, origins = _read_file(path)
-    problems: list[_Problem] = []
-    for override in overrides:
-        key = _read_override(override, values, problems)
-        if key is not None:
-            origins[key] = f"--set {override}"
-    _refuse(problems)
-    _refuse(_contradictions(values, origins))
-    return Config._from_flat(values)
+    values, places = ({}, {}) if path is None else read_file(config_keys(), path)
+    problems: list[Problem] = []
+    for text in overrides:
+        value, place = read_override(config_keys(), text, problems)
+        values |= value
+        places |= place
+    refuse(problems)
+    refuse(_contradictions(values, places))
+    return Config._of(values)
 
 
 @cache
-def sections() -> dict[str, type[_Checked]]:
-    """The sections of a configuration by name; each explains itself in its docstring."""
+def config_keys() -> Keys:
+    """All keys, with what they may hold."""
+    settings = Config.settings()
+    for section, kind in _sections().items():
+        settings |= {f"{section}.{name}": setting for name, setting in kind.settings().items()}
+    return Keys(settings, {section: kind.__doc__ or "" for section, kind in _sections().items()})
+
+
+@cache
+def _sections() -> dict[str, type[_Section]]:
     factories: dict[str, Any] = {item.name: item.default_factory for item in fields(Config)}
-    return {name: kind for name, kind in factories.items() if isinstance(kind, type) and issubclass(kind, _Checked)}
+    return {name: kind for name, kind in factories.items() if isinstance(kind, type) and issubclass(kind, _Section)}
 
 
-@cache
-def settings() -> dict[str, Setting]:
-    """All settings by dotted key, in the order of declaration."""
-    out = dict(Config._settings())
-    for name, section in sections().items():
-        out |= {f"{name}.{key}": setting for key, setting in section._settings()}
-    return out
-
-
-@cache
-def _spellings() -> dict[str, str]:
-    """Every accepted spelling of a dotted key -> the key."""
-    out = {key: key for key in settings()}
-    for key, setting in settings().items():
-        out |= dict.fromkeys(setting.also, key)
-    return out
-
-
-# --- what is wrong, and saying so ---
-
-
-@dataclass(frozen=True)
-class _Problem:
-    where: str  # "line 3", "--set r=x" or nothing
-    message: str
-    hint: str
-
-    @property
-    def text(self) -> str:
-        return f"{self.where}: {self.message}" if self.where else self.message
-
-
-def _refuse(problems: Sequence[_Problem], path: str | Path | None = None) -> None:
-    """Raise one error for all problems, if there are any."""
-    if len(problems) == 1:
-        raise ConfigError(problems[0].text, problems[0].hint, path=path)
-    if problems:
-        listed = "".join(f"\n  {item.text} ({item.hint})" for item in problems)
-        raise ConfigError(
-            f"{len(problems)} problems:{listed}", "dlogen config show lists all keys and their values", path=path
-        )
-
-
-def _show(value: object) -> str:
-    """A value as a user would recognise it, shortened."""
-    if value is None:
-        return "nothing"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, Mapping):
-        return "a section"
-    if isinstance(value, (list, tuple)):
-        return "a list"
-    if isinstance(value, int) and abs(value) > 10**30:
-        return "a number with very many digits"
-    text = ascii(value) if isinstance(value, str) and not value.isprintable() else repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
-
-
-def _wrong_value(where: str, key: str, value: object, setting: Setting, hint: str) -> _Problem:
-    if value is None and not hint:
-        hint = "leave the key out for the default" + (", or write auto" if setting.auto is not None else "")
-    return _Problem(where, f"{key} = {_show(value)}: expected {setting.expected}", hint or setting.help)
-
-
-def _unknown(where: str, name: object, section: str) -> _Problem:
-    shown = f"{section}.{name}" if section else str(name)
-    near = _nearest(shown)
-    known = [key.rpartition(".")[2] for key in settings() if key.rpartition(".")[0] == section]
-    known += [] if section else list(sections())
-    if near:
-        hint = "did you mean " + " or ".join(repr(key) for key in near) + "?"
-    else:
-        hint = f"known {'in ' + section if section else 'keys'}: {', '.join(known)}"
-    return _Problem(where, f"unknown key {_show(shown)}", hint)
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"[\W_]", "", name.casefold())
-
-
-def _nearest(name: str) -> list[str]:
-    """Known keys that somebody who wrote this may have meant: same letters, a name it goes by, or few letters off."""
-    whole: dict[str, list[str]] = {}
-    last: dict[str, list[str]] = {}
-    for key, setting in settings().items():
-        section, _, leaf = key.rpartition(".")
-        whole.setdefault(_plain(key), []).append(key)
-        for word in (leaf, *setting.also, *setting.sought):
-            whole.setdefault(_plain(section + word), []).append(key)
-            last.setdefault(_plain(word), []).append(key)
-    for section in sections():
-        whole.setdefault(_plain(section), []).append(section)
-    leaf = _plain(name.rpartition(".")[2])
-    if exact := [*whole.get(_plain(name), ()), *last.get(leaf, ())]:
-        return list(dict.fromkeys(exact))
-    for table, word in ((whole, _plain(name)), (last, leaf)):
-        # Words of one or two letters are all alike.
-        if len(word) > 2 and (close := difflib.get_close_matches(word, table, n=1, cutoff=0.7)):
-            return list(dict.fromkeys(table[close[0]]))
-    return []
-
-
-def _contradictions(values: Mapping[str, Any], origins: Mapping[str, str]) -> list[_Problem]:
+def _contradictions(values: Values, places: Mapping[str, str]) -> list[Problem]:
     """What is wrong between keys that are each right, as far as it shows without a cloud."""
 
     def said(key: str) -> str:
-        origin = f" ({origins[key]})" if key in origins else ""
-        return f"{key} = {values[key]!r}{origin}"
+        return f"{key} = {values[key]}" + (f" ({places[key]})" if key in places else "")
 
-    def number(key: str) -> float | None:
-        value = values.get(key, AUTO)
-        return None if value == AUTO else value
-
+    given = {key: value for key, value in values.items() if value != AUTO}
     problems = []
-    r, r_n = number("r"), number("r_n")
-    if r is not None and r_n is not None and r_n < 2 * r:
+    if "r" in given and "r_n" in given and given["r_n"] < 2 * given["r"]:
         problems.append(
-            _Problem(
+            Problem(
                 "",
                 f"{said('r_n')} is less than the diameter 2 r, {said('r')}",
-                "the sorting walk needs r_n > 2 r (paper III.B); the paper has 8 r; or write r_n: auto",
+                "the sorting walk needs r_n > 2 r (paper III.B; its experiment has 8 r), or leave r_n at auto",
             )
         )
-    if number("normals.neighbours") is not None and number("normals.radius") is not None:
+    if "normals.neighbours" in given and "normals.radius" in given:
         problems.append(
-            _Problem(
+            Problem(
                 "",
-                f"{said('normals.neighbours')} and {said('normals.radius')} are both set",
-                "keep one: a normal is fitted either to the nearest points or to all within a radius",
+                f"{said('normals.neighbours')} and {said('normals.radius')} contradict each other",
+                "set one of them: a plane is fitted either to the nearest points or to all within a radius",
             )
         )
-    if values.get("units") in ("mm", "cm"):
-        for key in ("r", "e_max"):
-            value = number(key)
-            if value is not None and value >= 1:
-                factor = 1e-3 if values["units"] == "mm" else 1e-2
-                problems.append(
-                    _Problem(
-                        "",
-                        f"{said(key)} is a metre or more, but {said('units')}",
-                        "lengths in the configuration are metres, whatever the units of the cloud: "
-                        f"{value:.12g} {values['units']} is {value * factor:.12g}",
-                    )
-                )
-    return problems
-
-
-# --- reading ---
-
-
-def _flat(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Nested, valid data with dotted keys."""
-    out: dict[str, Any] = {}
-    for name, value in data.items():
-        out |= {f"{name}.{key}": inner for key, inner in value.items()} if isinstance(value, Mapping) else {name: value}
-    return out
-
-
-def _read_value(key: str, value: object, where: str, values: dict[str, Any], problems: list[_Problem]) -> None:
-    """Check one value and store it under its dotted key, or note what is wrong."""
-    setting = settings()[key]
-    try:
-        values[key] = setting.read(value)
-    except ValueError as error:
-        problems.append(_wrong_value(where, key, value, setting, str(error)))
-
-
-def _read_mapping(data: object, where: Callable[[tuple[object, ...]], str]) -> tuple[dict[str, Any], list[_Problem]]:
-    """Nested data -> values by dotted key, and all that is wrong. `where` says where a path of keys stands."""
-    values: dict[str, Any] = {}
-    problems: list[_Problem] = []
-    spelt: dict[str, tuple[object, ...]] = {}
-
-    def take(section: str, path: tuple[object, ...], value: object) -> None:
-        name = path[-1]
-        key = _spellings().get(f"{section}.{name}" if section else name) if isinstance(name, str) else None
-        if key is None or (not section and "." in key):
-            problem = _unknown(where(path), name, section)
-            if key is not None:
-                inner, _, leaf = key.partition(".")
-                problem = _Problem(problem.where, problem.message, f"write it in its section: {inner}: {{{leaf}: ...}}")
-            problems.append(problem)
-        elif key in spelt:
-            before = f" and {spelt[key][-1]}" + (f" in {where(spelt[key])}" if where(spelt[key]) else "")
-            problems.append(_Problem(where(path), f"{name}{before} are the same key", "keep one of them"))
-        else:
-            spelt[key] = path
-            _read_value(key, value, where(path), values, problems)
-
-    if not isinstance(data, Mapping):
-        return {}, [_Problem("", f"expected keys and values, got {_show(data)}", "write `key: value`, one a line")]
-    for name, value in data.items():
-        if not isinstance(name, str) or name not in sections():
-            take("", (name,), value)
-        elif isinstance(value, Mapping):
-            for inner_name, inner in value.items():
-                take(name, (name, inner_name), inner)
-        elif value is not None:  # a section whose keys are all commented out is None
-            keys = ", ".join(key.partition(".")[2] for key in settings() if key.startswith(f"{name}."))
+    # Nobody has a cable a metre thick: the number was meant in the cloud's units.
+    factor = {"mm": 1e-3, "cm": 1e-2}.get(given.get("units", ""))
+    for key in ("r", "e_max"):
+        if factor and given.get(key, 0) >= 1:
             problems.append(
-                _Problem(where((name,)), f"{name} = {_show(value)}: expected a section", f"its keys: {keys}")
+                Problem(
+                    "",
+                    f"{said(key)} is a metre or more, with {said('units')}",
+                    "lengths in the configuration are metres, whatever the cloud is in: "
+                    f"{given[key]:g} {given['units']} is {given[key] * factor:.12g}",
+                )
             )
-    return values, problems
-
-
-def _read_file(path: str | Path) -> tuple[dict[str, Any], dict[str, str]]:
-    """A file -> values by dotted key, and where each stands."""
-    from dlogen.strict_yaml import parse
-
-    name = "standard input" if str(path) == "-" else str(path)
-    try:
-        document = parse(_read_text(path))
-    except ConfigError as error:
-        raise ConfigError(error.message, error.hint, path=name) from None
-
-    def where(keys: tuple[object, ...]) -> str:
-        line = document.lines.get(tuple(str(key) for key in keys))
-        return f"line {line}" if line else ""
-
-    problems = [
-        _Problem(f"line {line}", f"{'.'.join(keys)} is given twice, first in line {first}", "keep one of them")
-        for keys, first, line in document.duplicates
-    ]
-    data = {} if document.data is None else document.data
-    values, wrong = _read_mapping(data, where)
-    _refuse(sorted(problems + wrong, key=lambda item: int(item.where.partition(" ")[2] or 0)), name)
-    origins = {}
-    for keys, line in document.lines.items():
-        key = _spellings().get(".".join(keys))
-        if key is not None:
-            origins[key] = f"{name}, line {line}"
-    return values, origins
-
-
-def _read_text(path: str | Path) -> str:
-    """The text of a file, or of standard input for "-"."""
-    try:
-        if str(path) == "-":
-            raw = sys.stdin.buffer.read(MAX_BYTES + 1)
-        else:
-            with Path(path).open("rb") as stream:
-                raw = stream.read(MAX_BYTES + 1)
-    except FileNotFoundError:
-        raise ConfigError(
-            "no such configuration file", "dlogen config show > my.yaml writes one to start from", path=path
-        ) from None
-    except IsADirectoryError:
-        raise ConfigError("is a folder, not a configuration file", "name a YAML file in it", path=path) from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise ConfigError(f"cannot be read: {reason}", "check its name and permissions", path=path) from None
-    if len(raw) > MAX_BYTES:
-        raise ConfigError(
-            f"is larger than {MAX_BYTES // 1000} kB: not a configuration",
-            "-c takes the YAML file; the cloud is given without a flag",
-            path=path,
-        )
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        raise ConfigError(f"line {line}: is not UTF-8 text", "save it as UTF-8", path=path) from None
-
-
-def _read_override(override: str, values: dict[str, Any], problems: list[_Problem]) -> str | None:
-    """Read "KEY=VALUE" into the values; the key, unless something is wrong."""
-    from dlogen.strict_yaml import resolve
-
-    where = f"--set {override if override.isprintable() else ascii(override)}"
-    name, equals, text = (part.strip() for part in override.partition("="))
-    key = _spellings().get(name)
-    if not equals:
-        problems.append(_Problem(where, "expected KEY=VALUE", "such as --set e_max=0.005"))
-    elif name in sections():
-        example = next(key for key in settings() if key.startswith(f"{name}."))
-        problems.append(_Problem(where, f"{name} is a section", f"set its keys, such as --set {example}=..."))
-    elif key is None:
-        problems.append(_unknown(where, name, ""))
-    else:
-        value = text if settings()[key].kind == "text" else resolve(text)
-        found = len(problems)
-        _read_value(key, value, where, values, problems)
-        return key if len(problems) == found else None
-    return None
+    return problems

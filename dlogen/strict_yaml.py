@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 from dlogen.errors import ConfigError
 
@@ -73,7 +73,7 @@ def parse(text: str) -> Document:
     builder = _Builder()
     try:
         for event in yaml.parse(text, Loader=yaml.SafeLoader):
-            line = event.start_mark.line + 1
+            line = cast("Any", event.start_mark).line + 1
             if isinstance(event, yaml.NodeEvent):
                 _refuse_extras(event, line)
             if isinstance(event, yaml.ScalarEvent):

@@ -28,6 +28,7 @@ class RawCloud:
         format: registered name of the format ("ply", "pcd").
         encoding: how the points are stored ("ascii", "binary_little_endian", "binary_compressed", ...).
         comments: comment lines of the header, without the keyword.
+        sha256: of the file, if there is one.
     """
 
     points: Array
@@ -39,6 +40,7 @@ class RawCloud:
     format: str = ""
     encoding: str = ""
     comments: tuple[str, ...] = ()
+    sha256: str = ""
 
     @property
     def organised(self) -> bool:

@@ -1,0 +1,484 @@
+"""PLY, the Polygon File Format (Stanford): ascii, binary little and big endian.
+
+Read: the element `vertex`, whatever other elements and properties there are. Two conventions of PCL are kept as
+well: an element `camera` is the sensor pose, `obj_info num_cols` and `num_rows` make the cloud organised.
+Written: coordinates (and normals) as `float` where that is exact and as `double` elsewhere, so nothing is lost.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+from dlogen.errors import InputError
+from dlogen.formats import CloudFormat
+
+if TYPE_CHECKING:
+    from dlogen.model import Array, IntArray, RawCloud
+    from dlogen.records import Bytes, Place
+
+_TYPES = {
+    "char": "i1",
+    "uchar": "u1",
+    "short": "i2",
+    "ushort": "u2",
+    "int": "i4",
+    "uint": "u4",
+    "float": "f4",
+    "double": "f8",
+    "int8": "i1",
+    "uint8": "u1",
+    "int16": "i2",
+    "uint16": "u2",
+    "int32": "i4",
+    "uint32": "u4",
+    "int64": "i8",
+    "uint64": "u8",
+    "float32": "f4",
+    "float64": "f8",
+}
+_STRUCT = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q"}
+_BYTE_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
+_MAX_HEADER = 1 << 20
+_DAMAGED = "the header is damaged: export the file again"
+_AXES = tuple(f"{axis}_axis{part}" for axis in "xyz" for part in "xyz")
+_CAMERA = ("view_px", "view_py", "view_pz", *_AXES)
+
+
+@dataclass(frozen=True)
+class _Property:
+    name: str
+    type: str  # numpy's code, without the byte order
+    count: str = ""  # the same of a list's count; empty for single numbers
+
+    @property
+    def smallest(self) -> int:
+        """Bytes of a number, or of an empty list."""
+        return int((self.count or self.type)[1])
+
+
+@dataclass(frozen=True)
+class _Element:
+    name: str
+    rows: int
+    properties: tuple[_Property, ...]
+
+    @property
+    def what(self) -> str:
+        """The rows, in messages."""
+        return "points" if self.name == "vertex" else f"rows of the element {self.name!r}"
+
+    @property
+    def names(self) -> list[str]:
+        return [item.name for item in self.properties]
+
+    @property
+    def has_lists(self) -> bool:
+        return any(item.count for item in self.properties)
+
+
+@dataclass(frozen=True)
+class _Header:
+    encoding: str
+    elements: tuple[_Element, ...]
+    comments: tuple[str, ...]
+    shape: tuple[int, int]  # columns and rows of an organised cloud; 0 where the header does not say
+    size: int  # in bytes
+
+    def index(self, name: str) -> int | None:
+        """Place of the first element of that name."""
+        return next((index for index, element in enumerate(self.elements) if element.name == name), None)
+
+
+def sniff(head: bytes) -> bool:
+    """Whether a file that starts like this is a PLY file."""
+    return re.match(rb"ply[ \t]*[\r\n]", head) is not None or head.strip() == b"ply"
+
+
+def read(path: Path) -> RawCloud:
+    """The vertices of a PLY file.
+
+    Numbers of ascii files are taken as they are written, also where the header calls them `float`.
+
+    Raises:
+        InputError: damaged, cut off, or without coordinates.
+    """
+    from dlogen.model import RawCloud
+    from dlogen.records import locate, refuse_claim, split
+
+    with path.open("rb") as stream:
+        header = _read_header(stream.read(_MAX_HEADER))
+        vertex = header.index("vertex")
+        if vertex is None:
+            names = ", ".join(element.name for element in header.elements) or "none"
+            raise InputError(
+                f"there is no element 'vertex' in the PLY header (elements: {names})", "it holds no points"
+            )
+        fields = header.elements[vertex].names
+        points, normals = locate(fields)
+        wanted = {vertex: points + (normals or [])}
+        camera = _camera(header)
+        if camera is not None:
+            wanted[camera] = [header.elements[camera].names.index(name) for name in _CAMERA]
+
+        is_text = header.encoding == "ascii"
+        available = path.stat().st_size - header.size
+        for element in header.elements:
+            # A number of an ascii file takes two bytes at least, but the separator after the last one may be missing.
+            smallest = sum(2 if is_text else item.smallest for item in element.properties)
+            refuse_claim(
+                element.what, element.rows, smallest, available + is_text, at_most=is_text or element.has_lists
+            )
+        stream.seek(header.size)
+        tables = _read_text(stream, header, wanted) if is_text else _read_binary(stream, header, wanted)
+
+    xyz, normal = split(tables[vertex])
+    columns, rows = header.shape
+    organised = rows > 1 and columns * rows == len(xyz)
+    return RawCloud(
+        points=xyz,
+        normals=normal,
+        viewpoint=None if camera is None else _pose(tables[camera][0]),
+        width=columns if organised else len(xyz),
+        height=rows if organised else 1,
+        fields=tuple(fields),
+        format="ply",
+        encoding=header.encoding,
+        comments=header.comments,
+    )
+
+
+def write(path: Path, cloud: RawCloud, encoding: str) -> None:
+    """Write points, normals, shape and sensor pose of a cloud; the same cloud gives the same bytes.
+
+    Args:
+        path: the file.
+        cloud: its comments become comments, its fields beyond x y z and the normal are not in it.
+        encoding: one of `FORMAT.encodings`.
+    """
+    import numpy as np
+
+    from dlogen.records import smallest_type, text_rows
+
+    groups = [(("x", "y", "z"), cloud.points)]
+    if cloud.normals is not None:
+        groups.append((("nx", "ny", "nz"), cloud.normals))
+    keywords = {"f4": "float", "f8": "double"}
+    order = _BYTE_ORDERS.get(encoding, "<")
+    layout = [(name, smallest_type(values)) for names, values in groups for name in names]
+
+    lines = ["ply", f"format {encoding} 1.0"]
+    lines += [f"comment {' '.join(comment.split())}" for comment in cloud.comments]
+    if cloud.organised:
+        lines += [f"obj_info num_cols {cloud.width}", f"obj_info num_rows {cloud.height}"]
+    lines += [f"element vertex {len(cloud.points)}"]
+    lines += [f"property {keywords[code]} {name}" for name, code in layout]
+    pose = None if cloud.viewpoint is None else np.concatenate([cloud.viewpoint[:3], _rotation(cloud.viewpoint[3:])])
+    if pose is not None:
+        lines += ["element camera 1", *(f"property double {name}" for name in _CAMERA)]
+    lines += ["end_header", ""]
+
+    with path.open("wb") as stream:
+        stream.write("\n".join(lines).encode())
+        if encoding == "ascii":
+            stream.writelines(text_rows(np.hstack([values for _, values in groups])))
+            if pose is not None:
+                stream.writelines(text_rows(pose[np.newaxis]))
+            return
+        rows = np.empty(len(cloud.points), dtype=[(name, order + code) for name, code in layout])
+        for names, values in groups:
+            for name, column in zip(names, values.T, strict=True):
+                rows[name] = column
+        stream.write(rows.tobytes())
+        if pose is not None:
+            stream.write(pose.astype(order + "f8").tobytes())
+
+
+def _read_header(head: bytes) -> _Header:
+    begin = re.match(rb"ply[ \t]*(\r\n|\n|\r)", head)
+    if not begin:
+        first = head[:40].splitlines()[0].decode("latin-1") if head else ""
+        raise InputError(
+            f"this is not a PLY file: its first line is {first!r}, not 'ply'",
+            "if it is another format, give it the right name ending; else export it again as PLY",
+        )
+    # Where rows end with CR alone, an LF after the header is data already.
+    line_end = rb"\r" if begin[1] == b"\r" else rb"\r?\n"
+    end = re.search(rb"[\r\n][ \t]*end_header[ \t]*(" + line_end + rb"|\Z)", head)
+    if not end:
+        raise InputError(
+            "the PLY header has no end: there is no line 'end_header'"
+            + (f" in its first {_MAX_HEADER} bytes" if len(head) == _MAX_HEADER else ""),
+            "the file is cut off or damaged: copy or export it again",
+        )
+    from dlogen.records import shorten
+
+    builder = _HeaderBuilder()
+    lines = re.split(r"\r\n|\n|\r", head[begin.end() : end.start()].decode("utf-8", errors="replace"))
+    for number, line in enumerate(lines, start=2):
+        try:
+            builder.add(line)
+        except InputError as error:
+            raise InputError(f"PLY header, line {number} ({shorten(line)!r}): {error.message}", _DAMAGED) from None
+    return builder.build(end.end())
+
+
+class _HeaderBuilder:
+    """Takes the lines of a header one by one."""
+
+    def __init__(self) -> None:
+        self.encoding = ""
+        self.comments: list[str] = []
+        self.info: list[str] = []
+        self.elements: list[tuple[str, int, list[_Property]]] = []
+
+    def add(self, line: str) -> None:
+        from dlogen.records import whole_number
+
+        words = line.split()
+        keyword = words[0] if words else "comment"
+        if keyword in ("comment", "obj_info"):
+            text = line.strip()[len(keyword) :].strip()
+            if text:
+                (self.comments if keyword == "comment" else self.info).append(text)
+        elif keyword == "format" and len(words) == 3 and not self.encoding:
+            if words[1] not in FORMAT.encodings or words[2] != "1.0":
+                raise InputError(f"unknown format, known are: {', '.join(FORMAT.encodings)}, version 1.0")
+            self.encoding = words[1]
+        elif keyword == "element" and len(words) >= 3:
+            self.elements.append((" ".join(words[1:-1]), whole_number(words[-1], "the count"), []))
+        elif keyword == "property" and len(words) >= 5 and words[1] == "list" and self.elements:
+            item = _Property(" ".join(words[4:]), _type(words[3]), _type(words[2]))
+            if item.count[0] == "f":
+                raise InputError("the count of a list is a whole number, not of this type")
+            self.elements[-1][2].append(item)
+        elif keyword == "property" and len(words) >= 3 and words[1] != "list" and self.elements:
+            self.elements[-1][2].append(_Property(" ".join(words[2:]), _type(words[1])))
+        else:
+            raise InputError("it makes no sense here")
+
+    def build(self, size: int) -> _Header:
+        if not self.encoding:
+            raise InputError("the PLY header has no line 'format'", _DAMAGED)
+        shape = {}
+        for text in list(self.info):
+            # PCL's way to say that the vertices are the pixels of an image.
+            match = re.fullmatch(r"num_(cols|rows)\s+(\d{1,9})", text)
+            if match:
+                shape[match[1]] = int(match[2])
+                self.info.remove(text)
+        return _Header(
+            self.encoding,
+            tuple(_Element(name, rows, tuple(properties)) for name, rows, properties in self.elements),
+            (*self.comments, *self.info),
+            (shape.get("cols", 0), shape.get("rows", 0)),
+            size,
+        )
+
+
+def _type(name: str) -> str:
+    if name not in _TYPES:
+        raise InputError(f"unknown type {name!r}")
+    return _TYPES[name]
+
+
+def _camera(header: _Header) -> int | None:
+    """The element that has the sensor pose, as PCL writes it."""
+    index = header.index("camera")
+    if index is None:
+        return None
+    camera = header.elements[index]
+    usable = camera.rows == 1 and not camera.has_lists and set(_CAMERA) <= set(camera.names)
+    return index if usable else None
+
+
+def _pose(camera: Array) -> Array | None:
+    """(12,) position and axes -> (7,) position and unit quaternion w x y z; None where it is no pose."""
+    import numpy as np
+
+    if not np.isfinite(camera).all():
+        return None
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = camera[3:].reshape(3, 3)
+    # The quaternion is the eigenvector of the largest eigenvalue (Bar-Itzhack, "New method for extracting the
+    # quaternion from a rotation matrix", 2000): right for every angle, and the nearest where the matrix is not quite
+    # a rotation.
+    matrix = np.array(
+        [
+            [xx + yy + zz, zy - yz, xz - zx, yx - xy],
+            [zy - yz, xx - yy - zz, xy + yx, xz + zx],
+            [xz - zx, xy + yx, yy - xx - zz, yz + zy],
+            [yx - xy, xz + zx, yz + zy, zz - xx - yy],
+        ]
+    )
+    quaternion = np.linalg.eigh(matrix)[1][:, -1]
+    return np.concatenate([camera[:3], quaternion if quaternion[0] >= 0 else -quaternion])
+
+
+def _rotation(quaternion: Array) -> Array:
+    """(9,) rows of the rotation matrix of a quaternion w x y z."""
+    import numpy as np
+
+    w, x, y, z = quaternion / (np.linalg.norm(quaternion) or 1.0)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    ).ravel()
+
+
+def _read_text(stream: BinaryIO, header: _Header, wanted: dict[int, list[int]]) -> dict[int, Array]:
+    """The wanted properties of the wanted elements, as float64 columns. All rows are checked."""
+    import numpy as np
+
+    from dlogen.records import TextRows
+
+    rows = TextRows(stream)
+    tables = {}
+    for index, element in enumerate(header.elements):
+        columns = wanted.get(index, [])
+        table = np.empty((element.rows if columns else 0, len(columns)))
+        done = 0
+        for values, first in rows.take(element.rows if element.properties else 0, element.what):
+            block = _text_columns(element, columns, values, first, done)
+            if columns:
+                table[done : done + len(block)] = block
+            done += len(first) - 1
+        if element.properties:
+            _refuse_missing(element, done)
+        tables[index] = table
+    rows.refuse_more(header.elements[-1].what)
+    return tables
+
+
+def _text_columns(element: _Element, columns: list[int], values: Array, first: IntArray, row: int) -> Array:
+    """Columns of a block of rows: numbers one after the other -> (k, len(columns))."""
+    import numpy as np
+
+    from dlogen.records import refuse_rows
+
+    width = len(element.properties)
+    if not element.has_lists:
+        refuse_rows(np.flatnonzero(np.diff(first) != width), first, row, width, element.what)
+        return values.reshape(-1, width)[:, columns]
+    # Step through the properties, all rows at once: `at` is the number that each row has come to.
+    at, end = first[:-1], first[1:]
+    out = np.empty((len(at), len(columns)))
+    for index, item in enumerate(element.properties):
+        refuse_rows(np.flatnonzero(at >= end), first, row, width, element.what)
+        if index in columns:
+            out[:, columns.index(index)] = values[at]
+        at = at + 1
+        if item.count:
+            counts = values[at - 1]
+            fits = (counts >= 0) & (counts <= end - at) & (counts == np.floor(counts))
+            refuse_rows(np.flatnonzero(~fits), first, row, width, element.what)
+            at = at + counts.astype(np.intp)
+    refuse_rows(np.flatnonzero(at != end), first, row, width, element.what)
+    return out
+
+
+def _read_binary(stream: BinaryIO, header: _Header, wanted: dict[int, list[int]]) -> dict[int, Array]:
+    """The wanted properties of the wanted elements, as float64 columns. All elements have to be complete."""
+    import numpy as np
+
+    from dlogen.records import gather
+
+    data = np.fromfile(stream, dtype=np.uint8)
+    order = _BYTE_ORDERS[header.encoding]
+    tables = {}
+    start = 0
+    for index, element in enumerate(header.elements):
+        columns = wanted.get(index, [])
+        places, start = _places(data, element, order, start, columns)
+        table = np.empty((element.rows if columns else 0, len(columns)))
+        for column, (property_index, place) in enumerate(zip(columns, places, strict=True)):
+            table[:, column] = gather(data, place, order + element.properties[property_index].type, element.rows)
+        tables[index] = table
+    return tables
+
+
+def _places(data: Bytes, element: _Element, order: str, start: int, columns: list[int]) -> tuple[list[Place], int]:
+    """Where the columns stand, and where the element ends.
+
+    Lists make rows of unlike size. In practice they are all of one length (triangles), which is checked for all
+    rows at once; only where they are not, the rows are walked one by one.
+    """
+    import numpy as np
+
+    from dlogen.records import gather, refuse_claim
+
+    if element.rows == 0:
+        return [(start, 0)] * len(columns), start
+    if not element.has_lists:
+        refuse_claim(element.what, element.rows, sum(item.smallest for item in element.properties), len(data) - start)
+    walk = _RowWalk(data, element, order)
+    first, row_end = walk(start, 0)
+    stride = row_end - start
+    if start + element.rows * stride <= len(data) and all(
+        (gather(data, (place, stride), order + item.count, element.rows) == length).all()
+        for place, item, length in zip(first, element.properties, walk.lengths, strict=True)
+        if item.count
+    ):
+        return [(first[index], stride) for index in columns], start + element.rows * stride
+    offsets = np.empty((element.rows if columns else 0, len(columns)), dtype=np.intp)
+    for row in range(element.rows):
+        places, start = walk(start, row)
+        if columns:
+            offsets[row] = [places[index] for index in columns]
+    return list(offsets.T), start
+
+
+class _RowWalk:
+    """Steps over one row of a binary element."""
+
+    def __init__(self, data: Bytes, element: _Element, order: str) -> None:
+        self.data = data.data
+        self.element = element
+        self.counts = [
+            struct.Struct(order + _STRUCT[item.count]) if item.count else None for item in element.properties
+        ]
+        self.sizes = [int(item.type[1]) for item in element.properties]
+        self.lengths = [0] * len(self.sizes)  # of the lists in the row stepped over last
+
+    def __call__(self, at: int, row: int) -> tuple[list[int], int]:
+        """First byte of each property in the row that starts at `at`, and the end of the row."""
+        places = []
+        for index, (count, size) in enumerate(zip(self.counts, self.sizes, strict=True)):
+            places.append(at)
+            if count is None:
+                at += size
+                continue
+            if at + count.size > len(self.data):
+                _refuse_missing(self.element, row)
+            (length,) = count.unpack_from(self.data, at)
+            if length < 0:
+                raise InputError(f"a list in row {row + 1} of the {self.element.what} has {length} numbers", _DAMAGED)
+            self.lengths[index] = length
+            at += count.size + length * size
+        if at > len(self.data):
+            _refuse_missing(self.element, row)
+        return places, at
+
+
+def _refuse_missing(element: _Element, holds: int) -> None:
+    """Refuse a file that has fewer rows than its header says."""
+    from dlogen.records import CUT_OFF
+
+    if holds < element.rows:
+        raise InputError(f"the header claims {element.rows} {element.what}, the file holds {holds}", CUT_OFF)
+
+
+FORMAT = CloudFormat(
+    name="ply",
+    suffixes=(".ply",),
+    description="Polygon File Format: points, normals, sensor pose",
+    sniff=sniff,
+    read=read,
+    write=write,
+    encodings=("binary_little_endian", "ascii", "binary_big_endian"),
+)

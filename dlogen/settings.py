@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import numbers
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -90,8 +90,10 @@ class Setting:
 
     def _read_choice(self, value: object) -> str:
         if not isinstance(value, str) or value not in self.choices:
-            near = _close(str(value).casefold(), self.choices)
-            raise ValueError(f"did you mean {near!r}?" if near else "")
+            import difflib
+
+            near = difflib.get_close_matches(str(value).casefold(), self.choices, n=1, cutoff=0.7)
+            raise ValueError(f"did you mean {near[0]!r}?" if near else "")
         return value
 
     def _read_text(self, value: object) -> str:
@@ -174,11 +176,16 @@ class Keys:
             if word in table:
                 # Another section may have what was looked for, too.
                 return list(dict.fromkeys([*table[word], *last.get(word, ())]))
-        for table, word in ((whole, _letters(name)), (last, _letters(leaf))):
-            # Words of one or two letters are all alike.
-            if len(word) > 2 and (close := _close(word, table)):
-                return table[close]
-        return []
+        import difflib
+
+        similar = [
+            (difflib.SequenceMatcher(None, word, known).ratio(), keys)
+            for table, word in ((whole, _letters(name)), (last, _letters(leaf)))
+            for known, keys in table.items()
+            if len(word) > 2  # those of one or two letters are all alike
+        ]
+        ratio, keys = max(similar, key=lambda pair: pair[0], default=(0.0, []))
+        return keys if ratio >= 0.7 else []
 
     def unknown(self, where: str, name: object, section: str = "") -> Problem:
         """A key that does not exist, with the nearest that do."""
@@ -189,12 +196,6 @@ class Keys:
             known = [*self.of_section(section), *(() if section else self.sections)]
             hint = f"known {f'in {section}' if section else 'keys'}: {', '.join(known)}"
         return Problem(where, f"unknown key {show(shown)}", hint)
-
-
-def _close(word: str, words: Iterable[str]) -> str | None:
-    import difflib
-
-    return next(iter(difflib.get_close_matches(word, words, n=1, cutoff=0.7)), None)
 
 
 def _letters(name: str) -> str:

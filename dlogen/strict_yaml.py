@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from typing import Any, cast
+from typing import Any
 
 from dlogen.errors import ConfigError
 
@@ -72,8 +72,9 @@ def parse(text: str) -> Document:
 
     builder = _Builder()
     try:
+        event: Any
         for event in yaml.parse(text, Loader=yaml.SafeLoader):
-            line = cast("Any", event.start_mark).line + 1
+            line = event.start_mark.line + 1
             if isinstance(event, yaml.NodeEvent):
                 _refuse_extras(event, line)
             if isinstance(event, yaml.ScalarEvent):
@@ -85,22 +86,29 @@ def parse(text: str) -> Document:
             elif isinstance(event, yaml.DocumentStartEvent):
                 builder.begin_document(line)
     except yaml.MarkedYAMLError as error:
-        mark: Any = error.problem_mark or error.context_mark
-        where = f"line {mark.line + 1}: " if mark else ""
-        problem = error.problem or "syntax error"
-        if "'\\t'" in problem:
-            raise ConfigError(f"{where}a tab where a space is needed", "indent with spaces") from None
-        context = f" ({error.context})" if error.context else ""
-        raise ConfigError(
-            f"{where}not valid YAML: {problem}{context}",
-            "write `key: value`, one a line, and indent the keys of a section by two spaces",
-        ) from None
+        raise _syntax_error(error) from None
     except yaml.reader.ReaderError as error:
-        line = text.count("\n", 0, error.position) + 1
+        number = text.count("\n", 0, error.position) + 1
         raise ConfigError(
-            f"line {line}: the character U+{error.character:04X} is not allowed in YAML", "is this a text file?"
+            f"line {number}: the character U+{error.character:04X} is not allowed in YAML", "is this a text file?"
         ) from None
+    except (ValueError, OverflowError) as error:
+        # PyYAML converts escapes such as "\\U00110000" and the numbers of %YAML without checking them.
+        raise ConfigError(f"not valid YAML: {error}", "write plain words and numbers") from None
     return builder.document
+
+
+def _syntax_error(error: Any) -> ConfigError:
+    """PyYAML's finding as a message with a line."""
+    problem, mark = error.problem or "syntax error", error.problem_mark or error.context_mark
+    hint = "write `key: value`, one a line, and indent the keys of a section by two spaces"
+    if "'\\t'" in problem:
+        problem, hint = "a tab where a space is needed", "indent with spaces"
+    elif problem == "could not find expected ':'":
+        # The scanner stands behind the word by now, often on the next line.
+        problem, mark = "a ':' is missing", error.context_mark or mark
+    where = f"line {mark.line + 1}: " if mark else ""
+    return ConfigError(f"{where}not valid YAML: {problem}", hint)
 
 
 def _refuse_extras(event: Any, line: int) -> None:

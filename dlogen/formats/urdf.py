@@ -6,9 +6,9 @@ the segment), `joint_01_y` and `joint_01_z` at the paper's x_1 .. x_(n-1) with a
 
 from __future__ import annotations
 
+import html
 import math
 from typing import TYPE_CHECKING
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -35,7 +35,7 @@ def write(result: Result, stem: str) -> dict[str, bytes]:
     name = [f"segment_{i + 1:0{digits}d}" for i in range(count)]
     out = [
         '<?xml version="1.0" encoding="utf-8"?>',
-        f"<robot name={quoteattr(stem)}>",
+        f'<robot name="{html.escape(stem)}">',
         "  <!-- MuJoCo would merge base_link and tip into their neighbours and write their frames off. -->",
         '  <mujoco><compiler fusestatic="false"/></mujoco>',
         '  <link name="base_link"/>',

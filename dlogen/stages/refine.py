@@ -1,0 +1,255 @@
+"""The refined skeleton line: a robust fit of the tube itself, started from a rough backbone.
+
+Its steps: a cubic B-spline along the backbone; Gauss-Newton on the distance of the points to the tube, first with
+widely spaced knots and a given radius, while ends are followed, then with the final knots and the radius free; ends
+from the density of the points; and the result as a weighted sum of basis functions of s in [0, 1] (paper Eq. 7).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dlogen.basis import CubicBSpline
+from dlogen.errors import FitError
+from dlogen.model import Array, BoolArray, Finding, Skeleton
+from dlogen.stages.curvature import max_curvature
+from dlogen.stages.ends import find_ends, find_gaps
+from dlogen.stages.scale import spatial_sample
+from dlogen.stages.tube_curve import TubeCurve, arc_table, from_polyline, reparametrised
+from dlogen.stages.tube_fit import Tube, all_points, gauss_newton
+
+#: Knot spacing over the radius, while the points near the curve are looked for and in the end. A cubic spline with
+#: knots 1.25 radii apart follows a bend of 3 radii to about 1e-3 radii.
+_COARSE, _FINE = 3.0, 1.25
+
+#: The fewest and the most intervals of the fit, and the points that each of them needs.
+_FEWEST_INTERVALS, _MOST_INTERVALS, _POINTS_PER_INTERVAL = 6, 256, 12
+
+#: Rounds of searching for the points near the curve, and for its ends: each gets a radius farther.
+_ROUNDS = 6
+
+#: Points of the fit proper. Larger clouds are fitted by a subset of this size first.
+_SUBSET = 8000
+
+#: Noise over radius beyond which the direction from the axis to a point means little.
+_SOLID = 0.5
+
+#: Relative standard deviation beyond which the radius counts as unknown: two of them are 4 %.
+_RADIUS_KNOWN = 0.02
+
+#: Deviation of the output's basis functions from the fitted curve, in radii, and of its curvature, relative.
+_DEVIATION, _BEND_DEVIATION = 1e-4, 0.01
+
+#: Deviation of the output's parameter from arc length, relative to the length.
+_UNEVEN = 5e-5
+
+#: Points within so many standard deviations of the surface belong to the tube; and within this share of the radius.
+_INLIER, _INLIER_FLOOR = 4.0, 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """The refined skeleton line, with what is known about its accuracy.
+
+    Attributes:
+        skeleton: f(s), s proportional to arc length, from end to end of the object.
+        radius: of the tube, metres.
+        radius_std: its standard deviation, metres; 0 for a given radius, infinite where the points do not tell.
+        radius_identifiable: whether the points tell the radius to 4 %.
+        inliers: (M,) which points belong to the tube.
+        residuals: (M,) distance to the tube's surface, positive outside, metres.
+        s: (M,) foot coordinates in [0, 1]; for points beyond the ends 0 or 1.
+        noise: standard deviation of the distances of the tube's points to its surface, metres.
+        end_std: standard deviations of the places of the two ends along the axis, metres.
+        max_curvature: the largest curvature, 1/m.
+        max_curvature_s: where it is.
+        curvature_std: standard deviation of the curvature there, 1/m.
+        gaps: (s0, s1) of stretches without points.
+        used: how many points the last steps used.
+        findings: what a user should know.
+    """
+
+    skeleton: Skeleton
+    radius: float
+    radius_std: float
+    radius_identifiable: bool
+    inliers: BoolArray
+    residuals: Array
+    s: Array
+    noise: float
+    end_std: tuple[float, float]
+    max_curvature: float
+    max_curvature_s: float
+    curvature_std: float
+    gaps: tuple[tuple[float, float], ...]
+    used: int
+    findings: tuple[Finding, ...]
+
+
+def refine(points: npt.ArrayLike, backbone: npt.ArrayLike, radius: float, *, fixed_radius: bool = False) -> Refined:
+    """Fit a tube to surface points, robustly and without parameters.
+
+    Minimises the robust squared distance of the points to the tube around a uniform cubic B-spline f, plus lambda
+    times the squared third derivative of f across its tangent; lambda maximises the marginal likelihood of the data, so
+    that neither is noise fitted nor are bends flattened. The points may be one-sided, unevenly dense, noisy, with
+    strays and gaps. Of more than 8,000 points a subset is fitted first, and all of them in two last steps.
+
+    Args:
+        points: (M, 3) surface points, metres, in any order.
+        backbone: (K, 3) K >= 2 vertices in order, within about 0.7 radii of the axis, metres. It may fall short of the
+            ends or go beyond them by about two radii.
+        radius: of the tube, metres; a guess within about a third unless it is fixed.
+        fixed_radius: keep the radius.
+
+    Returns:
+        The skeleton line and its accuracy, in the frame of the points.
+
+    Raises:
+        FitError: hardly any points near the backbone, or no line in it.
+    """
+    points, backbone = np.asarray(points, dtype=float), np.asarray(backbone, dtype=float)
+    if not radius > 0.0:
+        raise FitError(f"a radius of {radius:g} m makes no tube", "give r in metres", stage="refine")
+    origin = backbone.mean(axis=0)
+    few = len(points) <= _SUBSET
+    columns = np.ascontiguousarray(((points if few else points[spatial_sample(points, _SUBSET)]) - origin).T)
+    tube = _fit(columns, backbone - origin, radius, fixed_radius)
+    if not few:
+        columns = np.ascontiguousarray((points - origin).T)
+    steps = 0 if few or tube.sigma > _SOLID * tube.radius else 2
+    tube = all_points(columns, tube, free_radius=not fixed_radius, steps=steps)
+    return _result(tube, origin, fixed_radius)
+
+
+def _fit(points: Array, backbone: Array, radius: float, fixed_radius: bool) -> Tube:
+    """The tube from nothing but a backbone: (3, M) points, (K, 3) vertices."""
+    nothing = np.zeros(points.shape[1])
+    curve = from_polyline(backbone, _COARSE * radius, radius, 1.0)
+    tube = Tube(curve, radius, 0.1 * radius, nothing, nothing)
+    for step in range(_ROUNDS):
+        tube = gauss_newton(points, tube, free_radius=False, steps=1, floor=0.1, search=True)
+        length = tube.curve.length
+        grown = _on_support(tube, 1.0, _COARSE)
+        if step >= 2 and grown.curve.length < length + 0.5 * radius:
+            break
+        tube = grown
+    tube = _on_support(tube, 0.5, _FINE)
+    first = gauss_newton(points, tube, free_radius=not fixed_radius, steps=2, floor=0.02, search=True)
+    if first.sigma > _SOLID * first.radius:
+        return gauss_newton(points, tube, free_radius=False, steps=8, floor=0.0, solid=True)
+    tube = _on_support(first, 0.5, _FINE)
+    return gauss_newton(points, tube, free_radius=not fixed_radius, steps=6, floor=5e-4)
+
+
+def _on_support(tube: Tube, margin: float, spacing: float) -> Tube:
+    """The curve cut or extended to where the points are and `margin` radii beyond, with knots `spacing` radii apart."""
+    curve, radius = tube.curve, tube.radius
+    inlier = (np.abs(tube.residual) < max(3.0 * tube.sigma, 0.2 * radius)) & tube.on_curve
+    s = tube.x[inlier] * curve.step
+    if len(s) < 2:
+        raise FitError("hardly any points near the backbone", "check r and units", stage="refine")
+    bins = max(10, min(int(curve.length / radius), len(s) // 15))
+    counts, edges = np.histogram(s, bins, (0.0, curve.length))
+    full = np.flatnonzero(counts >= max(3.0, 0.05 * np.median(counts[counts > 0])))
+    if len(full):
+        s = s[(s >= edges[full[0]]) & (s <= edges[full[-1] + 1])]
+    low, high = s.min() - margin * radius, s.max() + margin * radius
+    most = max(_FEWEST_INTERVALS, min(_MOST_INTERVALS, len(s) // _POINTS_PER_INTERVAL))
+    intervals = int(np.clip(round((high - low) / (spacing * radius)), _FEWEST_INTERVALS, most))
+    moved = reparametrised(curve, intervals, low, high)
+    x = np.clip((tube.x * curve.step - low) / moved.step, 0.0, float(intervals))
+    return Tube(moved, radius, tube.sigma, x, tube.distance)
+
+
+def _result(tube: Tube, origin: Array, fixed_radius: bool) -> Refined:
+    """What the fitted tube says, between the ends that its points show."""
+    curve, radius, sigma = tube.curve, tube.radius, tube.sigma
+    scale = max(sigma, _INLIER_FLOOR / _INLIER * radius)
+    deviation = np.abs(tube.residual) / scale
+    inlier = (deviation < _INLIER) & tube.on_curve
+    grid, arc = arc_table(curve)
+    s = np.interp(tube.x, grid, arc)
+    first, last = find_ends(s[inlier], deviation[tube.on_curve], sigma)
+    start, end = first.position, last.position
+    if not end - start > 0.1 * radius:
+        raise FitError("the line has no length", "check r and units", stage="refine")
+    skeleton = _skeleton(curve, start, end, radius, origin)
+
+    kappa, s_kappa = max_curvature(skeleton)
+    kappa_std = _curvature_std(tube, float(np.interp(start + s_kappa * (end - start), arc, grid)))
+    if fixed_radius:
+        radius_std = 0.0
+    elif sigma > _SOLID * radius or tube.solution is None:
+        radius_std = np.inf
+    else:
+        radius_std = sigma / float(np.sqrt(tube.solution.schur))
+    known = radius_std < _RADIUS_KNOWN * radius
+    gaps = find_gaps(s[inlier], start, end, radius)
+    return Refined(
+        skeleton=skeleton,
+        radius=radius,
+        radius_std=radius_std,
+        radius_identifiable=known,
+        inliers=inlier & (s > start - _INLIER * scale) & (s < end + _INLIER * scale),
+        residuals=tube.distance - radius,
+        s=np.clip((s - start) / (end - start), 0.0, 1.0),
+        noise=sigma,
+        end_std=(first.std, last.std),
+        max_curvature=kappa,
+        max_curvature_s=s_kappa,
+        curvature_std=kappa_std,
+        gaps=gaps,
+        used=len(s),
+        findings=_findings(radius, radius_std, known, gaps),
+    )
+
+
+def _skeleton(curve: TubeCurve, start: float, end: float, radius: float, origin: Array) -> Skeleton:
+    """The curve between two arc lengths as basis functions of s in [0, 1], with as few of them as follow it."""
+    # With knots H apart a cubic spline is off by about D H^4 / 384, and its second derivative by D H^2 / 12, where D
+    # is the fourth derivative; that shows in the fourth differences of the coefficients.
+    fourth = float(np.linalg.norm(np.diff(curve.coefficients, 4, axis=0), axis=1).max()) / curve.step**4
+    fourth = max(fourth, 1e-12 / radius**3)
+    bend = float(curve.curvature(np.arange(curve.intervals) + 0.5).max())
+    spacing = min((384.0 * _DEVIATION * radius / fourth) ** 0.25, (12.0 * _BEND_DEVIATION * bend / fourth) ** 0.5)
+    most = 2 * curve.intervals
+    intervals = int(np.clip(np.ceil((end - start) / max(spacing, 0.5 * curve.step)), 4, most))
+    while True:
+        moved = reparametrised(curve, intervals, start, end)
+        grid, arc = arc_table(moved)
+        uneven = float(np.abs(arc / arc[-1] - grid / grid[-1]).max())
+        if uneven < _UNEVEN or intervals >= most:
+            break
+        intervals = min(2 * intervals, most)
+    return Skeleton(CubicBSpline(intervals + 3), moved.coefficients, origin, float(arc[-1]))
+
+
+def _curvature_std(tube: Tube, x: float) -> float:
+    """Standard deviation of the curvature at a place of the curve, from the posterior covariance."""
+    curve = tube.curve
+    if tube.solution is None:
+        return 0.0
+    k = min(int(x), curve.intervals - 1)
+    t = x - k
+    tangent, second = curve(np.array([x]), 1)[0], curve(np.array([x]), 2)[0]
+    normal = second - tangent * (tangent @ second) / (tangent @ tangent)
+    normal /= max(float(np.linalg.norm(normal)), 1e-300)
+    row = np.zeros((1, curve.coefficients.size))
+    row[0, 3 * k : 3 * k + 12] = np.outer([1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t], normal).ravel() / curve.step**2
+    return tube.sigma * float(np.sqrt(tube.solution.covariance(row)[0, 0]))
+
+
+def _findings(
+    radius: float, radius_std: float, known: bool, gaps: tuple[tuple[float, float], ...]
+) -> tuple[Finding, ...]:
+    """What a user should know about the fit."""
+    findings = []
+    if not known:
+        spread = f"{100.0 * radius_std / radius:.0f} %" if np.isfinite(radius_std) else "the noise hides it"
+        findings.append(
+            Finding("radius-unknown", f"the points do not tell the radius (standard deviation: {spread}): give r")
+        )
+    return tuple(findings)

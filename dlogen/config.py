@@ -399,7 +399,7 @@ def _contradictions(values: Values, places: Mapping[str, str]) -> list[Problem]:
         problems.append(
             Problem(
                 "",
-                f"{said('r_n')} is less than the diameter 2 r, {said('r')}",
+                f"{said('r_n')} is less than the diameter 2 r = {2 * given['r']:.12g}, with {said('r')}",
                 "the sorting walk needs r_n > 2 r (paper III.B; its experiment has 8 r), or leave r_n at auto",
             )
         )

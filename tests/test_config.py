@@ -391,14 +391,14 @@ def test_search_radius_below_the_diameter(write):
     error = refused(write("N: 21\nr_n: 0.03\nr: 0.02\n"))
     assert "r_n = 0.03" in error.message
     assert "line 2)" in error.message
-    assert "diameter 2 r, r = 0.02" in error.message
+    assert "diameter 2 r = 0.04, with r = 0.02" in error.message
     assert "line 3)" in error.message
     assert "III.B" in error.hint
     error = refused(write("r_n: 0.03\n"), ["r=0.02"])
     assert "(--set r=0.02)" in error.message
     assert load_config(write("r_n: 0.03\n"), ["r=0.015"]).r_n == 0.03
     for make in (lambda: Config(r=0.02, r_n=0.03), lambda: Config.from_dict({"r": 0.02, "r_n": 0.03})):
-        with pytest.raises(ConfigError, match=r"^r_n = 0\.03 is less than the diameter 2 r, r = 0\.02 \("):
+        with pytest.raises(ConfigError, match=r"^r_n = 0\.03 is less than the diameter 2 r = 0\.04, with r = 0\.02 \("):
             make()
 
 

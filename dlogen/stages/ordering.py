@@ -1,0 +1,335 @@
+"""From a raw cloud to a rough, ordered centre line, without a start point (the part of the paper's sorting walk, III.B).
+
+The order comes from pieces that are certain (`dlogen.stages.pieces`); where it stays ambiguous, a finding says so. What
+comes out is the same for every order of the input points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dlogen.errors import FitError
+from dlogen.model import Array, BoolArray, Finding
+from dlogen.polyline import arc_lengths, resample
+from dlogen.stages.medial import axis_votes, contract
+from dlogen.stages.pieces import (
+    Join,
+    Piece,
+    bending_cost,
+    bridge,
+    chains,
+    cut_at_junctions,
+    end_direction,
+    join_pieces,
+    parabola,
+    trace_pieces,
+)
+from dlogen.stages.scale import Scale, estimate_scale, spatial_sample
+
+#: Size of the subset that the order is found on.
+_SAMPLE = 6000
+#: Share of places where the cloud is longer than wide, below which it is no line.
+_LINE_SHARE = 0.35
+#: Shorter than this, in radii, and it is no line.
+_SHORTEST_LINE = 6.0
+#: What is left over and comes nearer to the line than this, in radii, is a branch of it.
+_BRANCH = 5.0
+#: Share of the length beyond which a gap makes two objects.
+_LARGE_GAP = 0.2
+#: Strands that touch for longer than this, in radii, run side by side.
+_SIDE_BY_SIDE = 10.0
+
+
+@dataclass(frozen=True)
+class Bridge:
+    """A place where two pieces were joined.
+
+    Attributes:
+        s: (start, end) coordinates on the backbone, arc length over length.
+        position: the middle, metres.
+        gap: distance between the pieces, metres.
+        kind: "gap", "crossing" (another strand passes there) or "touch" (one that nearly touches).
+        certainty: 0 to 1: how much better the join is than the next best.
+    """
+
+    s: tuple[float, float]
+    position: tuple[float, float, float]
+    gap: float
+    kind: str
+    certainty: float
+
+
+@dataclass(frozen=True, eq=False)
+class Ordering:
+    """A rough centre line in order.
+
+    Attributes:
+        backbone: (K, 3) about one radius apart, within half a radius of the axis, metres.
+        radius: the radius that was used, metres.
+        pieces: the certain stretches of the backbone, in its order and direction.
+        joins: what was bridged between them.
+        inliers: (M,) which points lie around the backbone, roughly.
+        findings: what a user should know.
+    """
+
+    backbone: Array
+    radius: float
+    pieces: tuple[Array, ...]
+    joins: tuple[Bridge, ...]
+    inliers: BoolArray
+    findings: tuple[Finding, ...]
+
+
+def order(points: Array, radius: float | None = None, scale: Scale | None = None) -> Ordering:
+    """Find the centre line of a cloud, roughly, and its order.
+
+    Args:
+        points: (M, 3) finite surface points, metres, in any order.
+        radius: of the tube, metres; None takes the estimate of `scale`.
+        scale: what `estimate_scale` gave for these points; None makes it here.
+
+    Returns:
+        The backbone with findings: "branch", "closed-ring", "several-objects", "not-a-line" (all bad), "gap",
+        "crossing", "side-by-side", "stray-points", "too-few-points".
+
+    Raises:
+        FitError: nothing in the cloud is longer than wide.
+    """
+    scale = scale or estimate_scale(points, radius=radius)
+    r = radius or scale.radius
+    if scale.line_share < 0.2 or not np.isfinite(scale.per_radius):
+        raise FitError(
+            "the cloud is not that of a line: nowhere is it longer than wide",
+            "leave only the object in the cloud: remove table, background and fixtures",
+            stage="ordering",
+        )
+    sample = points[spatial_sample(points, _SAMPLE)]
+    origin = 0.5 * (sample.min(axis=0) + sample.max(axis=0))
+    sample = sample - origin
+    thinned = len(sample) / len(points)
+    per_radius = scale.per_radius * thinned * r / scale.radius
+
+    spacing = scale.spacing / np.sqrt(thinned)
+    votes, projected = axis_votes(sample, cKDTree(sample), r, spacing)
+    nodes = contract(votes, projected, r, per_radius)
+    found = trace_pieces(nodes, r, per_radius)
+    if not found:
+        raise FitError(
+            "no stretch of a line was found in the cloud", "check the radius and the units", stage="ordering"
+        )
+    pieces = cut_at_junctions(found, r)
+    joins = join_pieces(pieces, r)
+    lines = [_Line.of(pieces, *chain, r) for chain in chains(len(pieces), joins)]
+    longest = max(lines, key=lambda candidate: candidate.length)
+    others = [other for other in lines if other is not longest]
+    line = longest.canonical()
+    near = _around(sample, line.points, r, scale.noise)
+    findings = [
+        *_about_cloud(scale, radius, per_radius, near, line, r),
+        *_about_rest(others, line, r, origin),
+        *_about_ends(line, r, origin),
+    ]
+    bridges = _bridges(line, r)
+    findings += _about_bridges(bridges, line, r, origin)
+    findings += _about_crossings(bridges, line, r, origin)
+    return Ordering(
+        backbone=line.points + origin,
+        radius=r,
+        pieces=tuple(part + origin for part in line.parts),
+        joins=tuple(_moved(item, origin) for item in bridges),
+        inliers=_around(points - origin, line.points, r, scale.noise),
+        findings=tuple(findings),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Line:
+    """A chain of pieces with the bridges between them."""
+
+    points: Array
+    parts: tuple[Array, ...]
+    densities: tuple[tuple[float, float], ...]  # surface points per metre at either end of each part
+    joins: tuple[Join, ...]
+    spans: tuple[tuple[int, int], ...]  # indices into points of the two ends of each bridge
+    path: tuple[int, ...]
+    length: float
+
+    @staticmethod
+    def of(pieces: list[Piece], path: list[tuple[int, bool]], joins: list[Join], r: float) -> _Line:
+        parts, densities = [], []
+        for number, back in path:
+            step = -1 if back else 1
+            parts.append(pieces[number].points[::step])
+            densities.append(pieces[number].end_densities[::step])
+        points, spans = [parts[0]], []
+        count = len(parts[0])
+        for before, after in zip(parts[:-1], parts[1:], strict=True):
+            fill = bridge(before[-1], end_direction(before[::-1], r), after[0], end_direction(after, r), r)
+            spans.append((count - 1, count + len(fill)))
+            points += [fill, after]
+            count += len(fill) + len(after)
+        line = np.concatenate(points)
+        length = float(arc_lengths(line)[-1])
+        numbers = tuple(number for number, _ in path)
+        return _Line(line, tuple(parts), tuple(densities), tuple(joins), tuple(spans), numbers, length)
+
+    def canonical(self) -> _Line:
+        """The same line, from the end with the smaller coordinate where the ends differ most."""
+        difference = self.points[-1] - self.points[0]
+        if difference[np.argmax(np.abs(difference))] >= 0.0:
+            return self
+        last = len(self.points) - 1
+        return _Line(
+            self.points[::-1],
+            tuple(part[::-1] for part in self.parts[::-1]),
+            tuple(density[::-1] for density in self.densities[::-1]),
+            self.joins[::-1],
+            tuple((last - b, last - a) for a, b in self.spans[::-1]),
+            self.path[::-1],
+            self.length,
+        )
+
+
+def _around(points: Array, line: Array, r: float, noise: float) -> BoolArray:
+    """Which points are no farther from the line than the surface is, with some room."""
+    reach = 1.5 * r + 3.0 * (noise if np.isfinite(noise) else 0.0)
+    dense = resample(line, 2 * len(line))
+    step = arc_lengths(dense)[-1] / (len(dense) - 1)
+    distance, _ = cKDTree(dense).query(points, distance_upper_bound=float(np.hypot(reach, 0.5 * step)))
+    return np.isfinite(distance)
+
+
+def _bridges(line: _Line, r: float) -> list[Bridge]:
+    s = arc_lengths(line.points)
+    result = []
+    for (a, b), join in zip(line.spans, line.joins, strict=True):
+        stretch = line.points[a : b + 1]
+        middle = resample(stretch, 3)[1]
+        elsewhere = (s < s[a] - 4.0 * r) | (s > s[b] + 4.0 * r)
+        kind = "gap"
+        if elsewhere.any():
+            nearest = float(cKDTree(line.points[elsewhere]).query(resample(stretch, 2 * len(stretch)))[0].min())
+            kind = "touch" if nearest < 2.4 * r else "crossing" if nearest < 3.5 * r else "gap"
+        certainty = 1.0 if np.isinf(join.margin) else join.margin / (join.margin + join.cost)
+        result.append(Bridge((s[a] / s[-1], s[b] / s[-1]), _place(middle), join.gap, kind, float(certainty)))
+    return result
+
+
+def _moved(item: Bridge, origin: Array) -> Bridge:
+    return replace(item, position=_place(np.array(item.position) + origin))
+
+
+def _place(point: Array) -> tuple[float, float, float]:
+    return float(point[0]), float(point[1]), float(point[2])
+
+
+def _millimetres(value: float) -> str:
+    return f"{1000 * value:.3g} mm"
+
+
+def _about_cloud(
+    scale: Scale, radius: float | None, per_radius: float, near: BoolArray, line: _Line, r: float
+) -> list[Finding]:
+    findings = []
+    stray = 1.0 - float(near.mean())
+    if scale.line_share < _LINE_SHARE:
+        message = "the cloud is longer than wide in few places only: it is not that of a line alone"
+        findings.append(Finding("not-a-line", message, "bad"))
+    elif stray > 0.4:
+        message = f"{stray:.0%} of the points do not lie around the line that was found"
+        findings.append(Finding("not-a-line", message, "bad"))
+    elif stray > 0.01:
+        message = f"{stray:.1%} of the points do not lie around the line and were left out"
+        findings.append(Finding("stray-points", message, "note" if stray < 0.25 else "doubtful"))
+    if line.length < _SHORTEST_LINE * r:
+        message = f"the object is only {line.length / (2 * r):.1f} diameters long: it is hardly a line"
+        findings.append(Finding("not-a-line", message, "bad"))
+    if radius is None and not scale.radius_reliable:
+        message = f"the points don't tell the radius; {_millimetres(r)} was assumed"
+        findings.append(Finding("radius-unknown", message))
+    if per_radius < 1.5:
+        message = f"only {per_radius:.1f} points for each radius of length: the order is uncertain"
+        findings.append(Finding("too-few-points", message))
+    return findings
+
+
+def _about_rest(others: list[_Line], line: _Line, r: float, origin: Array) -> list[Finding]:
+    """Chains that are not part of the line."""
+    findings = []
+    for other in others:
+        if other.length < max(4.0 * r, 0.02 * line.length):
+            continue
+        distance, index = cKDTree(line.points).query(other.points)
+        nearest = int(np.argmin(distance))
+        what = f"{_millimetres(other.length)} long"
+        if distance[nearest] < _BRANCH * r:
+            place = _place(line.points[index[nearest]] + origin)
+            s = float(index[nearest] / (len(line.points) - 1))
+            findings.append(Finding("branch", f"a branch leaves the line, {what}", "bad", s, place))
+        else:
+            place = _place(other.points[len(other.points) // 2] + origin)
+            findings.append(Finding("several-objects", f"another object is in the cloud, {what}", "bad", None, place))
+    return findings
+
+
+def _about_ends(line: _Line, r: float, origin: Array) -> list[Finding]:
+    """Whether the two ends of the line belong together."""
+    first, last = line.points[0], line.points[-1]
+    gap = float(np.linalg.norm(last - first))
+    if line.length < 12.0 * r or gap > max(4.0 * r, 0.1 * line.length):
+        return []
+    cost = bending_cost(*parabola(line.points, 1.5 * r, r), *parabola(line.points[::-1], 1.5 * r, r), r)
+    place = _place(0.5 * (first + last) + origin)
+    if gap < 4.0 * r and cost < 0.8:
+        return [Finding("closed-ring", "the object is a closed ring: it has no ends", "bad", 0.0, place)]
+    if gap < 4.0 * r or cost < 0.3:
+        message = f"the two ends face each other {_millimetres(gap)} apart: it may be a ring with a gap"
+        return [Finding("closed-ring", message, "doubtful", 0.0, place)]
+    return []
+
+
+def _about_bridges(bridges: list[Bridge], line: _Line, r: float, origin: Array) -> list[Finding]:
+    findings = []
+    for number, (item, join) in enumerate(zip(bridges, line.joins, strict=True)):
+        s, place = 0.5 * (item.s[0] + item.s[1]), _place(np.array(item.position) + origin)
+        share = item.gap / line.length
+        if item.certainty < 0.5:
+            message = "strands meet here, and which of them belong together is not certain"
+            findings.append(Finding("crossing", message, "doubtful", s, place))
+        density = min(line.densities[number][1], line.densities[number + 1][0])
+        # A hole where fifteen points were due is none by chance.
+        if item.kind == "gap" and item.gap > 2.0 * r and item.gap * density > 15.0:
+            message = f"no points for {_millimetres(item.gap)} ({share:.1%} of the length); the gap was bridged"
+            severity = "note" if share < 0.05 and join.cost < 0.6 else "doubtful"
+            if share > _LARGE_GAP:
+                message += ", but these may be two objects"
+                severity = "bad"
+            findings.append(Finding("gap", message, severity, s, place))
+    return findings
+
+
+def _about_crossings(bridges: list[Bridge], line: _Line, r: float, origin: Array) -> list[Finding]:
+    """Places where the line comes within touch of itself."""
+    s = arc_lengths(line.points)
+    pairs = cKDTree(line.points).query_pairs(2.7 * r, output_type="ndarray")
+    pairs = pairs[np.abs(s[pairs[:, 1]] - s[pairs[:, 0]]) > 7.0 * r]
+    if len(pairs) == 0:
+        return []
+    pairs = np.sort(pairs, axis=1)
+    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+    findings = []
+    jumps = np.flatnonzero((np.diff(pairs[:, 0]) > 3)) + 1
+    for group in np.split(pairs, jumps):
+        middle = 0.5 * (line.points[group[:, 0]] + line.points[group[:, 1]])
+        place = _place(middle.mean(axis=0) + origin)
+        at = float(s[group[:, 0]].mean() / s[-1])
+        run = float(s[group[:, 0].max()] - s[group[:, 0].min()])
+        if run > _SIDE_BY_SIDE * r:
+            message = f"two strands run side by side for {_millimetres(run)}: they may have been mixed up"
+            findings.append(Finding("side-by-side", message, "doubtful", at, place))
+        else:
+            findings.append(Finding("crossing", "the object crosses or touches itself", "note", at, place))
+    return findings

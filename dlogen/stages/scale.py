@@ -1,0 +1,323 @@
+"""How large things are in a raw cloud: spacing of the points, radius of the tube, noise. Needs no order and no start.
+
+The radius is found in two steps. Around some sixty points of the cloud, neighbourhoods are grown until they are longer
+than wide; their width tells the order of magnitude. Then a circle is fitted to the cross-section of each of them. A
+circle fit asks for no full circumference, so that a tube that was seen from one side does as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dlogen.errors import FitError
+from dlogen.model import Array, BoolArray, IntArray
+
+#: Size of the subset that is looked at.
+_SAMPLE = 4000
+#: Places where the cross-section is looked at, and how many points around each of them.
+_PLACES = 64
+_NEIGHBOURS = 192
+#: If that many are not enough, they are taken from every fourth point only, and so on: the reach grows.
+_THINNING = 4
+#: A neighbourhood counts as a stretch of a line if its variance along it is this many times that across.
+_ELONGATION = 4.0
+#: With fewer points than this, bends are taken for cross-sections.
+_ENOUGH = 50
+#: Fewest points of a neighbourhood that is judged, and of a cross-section.
+_FEWEST = 8
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Sizes of the object in a cloud, metres.
+
+    Attributes:
+        spacing: median distance from a point to its nearest neighbour.
+        radius: estimate of the radius of the tube (the given one, if one was given).
+        radius_reliable: whether the cross-sections agree on a radius. If not, it is an upper bound at best.
+        noise: standard deviation of the points about the circles that fit them; includes some curvature.
+        coverage: share of the circumference that was seen, roughly: 1 full, 0.5 one side.
+        line_share: share of the looked-at places where the cloud is longer than wide: near 1 for a tube, near 0 for
+            a plane or a ball.
+        per_radius: median number of points on a piece of the object that is one radius long.
+    """
+
+    spacing: float
+    radius: float
+    radius_reliable: bool
+    noise: float
+    coverage: float
+    line_share: float
+    per_radius: float
+
+
+def spatial_sample(points: Array, count: int) -> IntArray:
+    """Indices of a subset of about `count` points that depends on the points alone, not on their order.
+
+    A point is taken if a hash of its coordinates falls below a threshold. Exact duplicates are taken once. The indices
+    are in lexicographic order of the coordinates, so that whatever is computed from them in sequence is the same for
+    every order of the input, to the last bit.
+
+    Args:
+        points: (M, 3) the cloud.
+        count: about how many; all if there are not more.
+
+    Returns:
+        (K,) indices.
+    """
+    index = np.arange(len(points))
+    if len(points) > count:
+        share = count / len(points)
+        index = np.concatenate(
+            [
+                start + np.flatnonzero(_hash(points[start : start + 65536]) < share)
+                for start in range(0, len(points), 65536)
+            ]
+        )
+    chosen = points[index]
+    order = np.lexsort(chosen.T[::-1])
+    chosen = chosen[order]
+    fresh = np.ones(len(order), dtype=bool)
+    fresh[1:] = (chosen[1:] != chosen[:-1]).any(axis=1)
+    return index[order[fresh]]
+
+
+def _hash(points: Array) -> Array:
+    """A number in [0, 1) for each point, as good as random, from the bits of its coordinates (splitmix64 finaliser)."""
+    # Adding zero turns -0.0 into 0.0, which has other bits.
+    bits = (np.ascontiguousarray(points, dtype=np.float64) + 0.0).view(np.uint64)
+    value = bits[:, 0] * np.uint64(0x9E3779B97F4A7C15)
+    for column, factor in ((1, 0xBF58476D1CE4E5B9), (2, 0x94D049BB133111EB)):
+        value ^= value >> np.uint64(31)
+        value += bits[:, column]
+        value *= np.uint64(factor)
+    value ^= value >> np.uint64(29)
+    value *= np.uint64(0xBF58476D1CE4E5B9)
+    value ^= value >> np.uint64(32)
+    return (value >> np.uint64(11)).astype(np.float64) * 2.0**-53
+
+
+def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
+    """Spacing, radius and noise of a cloud of a tube, seen from all sides or from one.
+
+    The noise may be up to about a third of the radius, a tenth of the points may be strays, and the density may vary
+    along the object. Only a subset of large clouds is looked at.
+
+    Args:
+        points: (M, 3) finite points, metres, in any order.
+        radius: the radius, where it is known, metres.
+
+    Raises:
+        FitError: fewer than four distinct points.
+    """
+    sample = points[spatial_sample(points, _SAMPLE)]
+    if len(sample) < 4:
+        raise FitError(f"{len(sample)} distinct points are too few for a centre line", "four are the least")
+    sample = sample - 0.5 * (sample.min(axis=0) + sample.max(axis=0))
+    tree = cKDTree(sample)
+    # On a surface the spacing goes with the root of the number of points.
+    nearest = tree.query(sample[:: -(-len(sample) // 1000)], 2)[0][:, 1]
+    spacing = float(np.median(nearest)) * float(np.sqrt(len(sample) / max(len(points), len(sample))))
+
+    places = np.unique(np.linspace(0, len(sample) - 1, _PLACES).astype(np.intp))
+    centre, direction, width, resolved, level = _stretches(tree, sample, places)
+    found = width > 0.0
+    line_share = float(found.mean())
+    if not found.any():
+        size = float(np.sqrt((sample**2).sum(axis=1).mean()))
+        return Scale(spacing, radius or size, radius is not None, float("nan"), 1.0, line_share, float("nan"))
+
+    centre, direction = centre[found], direction[found]
+    thinned = sample[:: _THINNING ** int(np.median(level[found]))]
+    if len(thinned) < len(sample):
+        tree = cKDTree(thinned)
+    guess = radius or float(np.median(width[found]))
+    fit = _cross_sections(tree, thinned, centre, direction, guess)
+    for _ in range(2):
+        if radius is not None or not fit.good.any():
+            break
+        previous, guess = guess, float(np.median(fit.radius[fit.good]))
+        if abs(guess - previous) < 0.1 * previous:
+            break
+        fit = _cross_sections(tree, thinned, centre, direction, guess)
+    good = fit.good
+    per_radius = float(np.median(fit.per_length)) * guess * len(points) / len(thinned)
+    if good.sum() < max(3, 0.2 * len(good)):
+        return Scale(spacing, guess, radius is not None, float("nan"), 1.0, line_share, per_radius)
+    noise = float(np.median(fit.noise[good]))
+    estimate = float(np.median(fit.radius[good]))
+    # Half the circumference has its centroid at 2 r / pi; less of it, farther out.
+    lopsided = float(np.median(fit.lopsided[good]))
+    coverage = float(np.interp(lopsided, [0.0, 0.2, 2 / np.pi, 1.0], [1.0, 1.0, 0.5, 0.0]))
+    spread = float(np.median(np.abs(fit.radius[good] - estimate)))
+    # Noise across the axis moves points outward on average.
+    estimate -= min(noise**2 / (2.0 * estimate), 0.2 * estimate)
+    # Neighbourhoods that were longer than wide from the first say nothing about a width.
+    resolved_share = float((resolved[found] | (level[found] > 0)).mean())
+    clear = noise < 0.12 * estimate or (noise < 0.45 * estimate and line_share > 0.5)
+    enough = len(sample) >= _ENOUGH and resolved_share > 0.5
+    reliable = clear and enough and spread < 0.3 * estimate and coverage > 0.2 and float(good.mean()) > 0.4
+    return Scale(
+        spacing,
+        estimate if radius is None else radius,
+        reliable or radius is not None,
+        noise,
+        coverage,
+        line_share,
+        per_radius,
+    )
+
+
+def _stretches(tree: cKDTree, points: Array, places: IntArray) -> tuple[Array, Array, Array, BoolArray, IntArray]:
+    """Grow the neighbourhood of each place until it is longer than wide.
+
+    Returns:
+        centre: (P, 3) mean of the neighbourhood at that size.
+        direction: (P, 3) unit vector along it.
+        width: (P,) radius of a tube with its variance across, which is r^2 / 2 in the direction in which a one-sided
+            view is complete, too; 0 where the neighbourhood never got longer than wide.
+        resolved: (P,) whether it was not longer than wide when it was smallest.
+        level: (P,) how often the points had to be thinned for that.
+    """
+    centre, direction, width = np.zeros((len(places), 3)), np.zeros((len(places), 3)), np.zeros(len(places))
+    resolved, level = np.zeros(len(places), dtype=bool), np.zeros(len(places), dtype=np.intp)
+    place, left, step = points[places], np.arange(len(places)), 0
+    while True:
+        count = min(_NEIGHBOURS, len(points))
+        index = tree.query(place[left], count)[1].reshape(len(left), count)
+        complete = len(points) <= _NEIGHBOURS
+        for target, value in zip((centre, direction, width, resolved), _grow(points[index], complete), strict=True):
+            target[left] = value
+        level[left] = step
+        left = left[width[left] == 0.0]
+        if len(left) == 0 or complete:
+            return centre, direction, width, resolved, level
+        points, step = points[::_THINNING], step + 1
+        tree = cKDTree(points)
+
+
+def _grow(around: Array, complete: bool) -> tuple[Array, Array, Array, BoolArray]:
+    """As `_stretches`, for neighbours (P, K, 3) in the order of their distance; `complete`: there are no more."""
+    total = around.shape[1]
+    sizes = np.unique(np.round(np.geomspace(min(_FEWEST, total), total, 16)).astype(np.intp))
+    origin = around[:, :1, :]
+    x, y, z = np.moveaxis(around - origin, 2, 0)
+    features = np.stack([x, y, z, x * x, y * x, y * y, z * x, z * y, z * z])
+    sums = np.cumsum(np.add.reduceat(features, np.concatenate([[0], sizes[:-1]]), axis=2), axis=2) / sizes
+    mean = np.moveaxis(sums[:3], 0, -1)
+    covariance = np.empty((*mean.shape, 3))
+    row = 3
+    for i in range(3):
+        for j in range(i + 1):
+            covariance[..., i, j] = covariance[..., j, i] = sums[row] - sums[i] * sums[j]
+            row += 1
+    values = np.linalg.eigvalsh(covariance)
+    elongated = values[..., 2] > _ELONGATION * values[..., 1]
+    # A few points are elongated by chance: it must last over the next sizes, too.
+    after = np.concatenate([elongated[:, 1:], np.full((len(elongated), 2), complete)], axis=1)
+    lasting = elongated & after[:, :-1] & after[:, 1:]
+    at = np.argmax(lasting, axis=1)
+    each = np.arange(len(around))
+    direction = np.linalg.eigh(covariance[each, at])[1][:, :, 2]
+    width = np.where(lasting.any(axis=1), np.sqrt(2.0 * np.maximum(values[each, at, 1], 1e-300)), 0.0)
+    return mean[each, at] + origin[:, 0], direction, width, at > 0
+
+
+@dataclass(frozen=True)
+class _Circles:
+    """Circles through cross-sections: radius, standard deviation about it, distance of the points' centroid from the
+    centre in radii, points per length, and whether the fit can be used; (P,) each."""
+
+    radius: Array
+    noise: Array
+    lopsided: Array
+    per_length: Array
+    good: BoolArray
+
+
+#: What Tukey weights with a limit of three standard deviations leave of the standard deviation of normal noise.
+_TUKEY = 0.73
+
+
+def _cross_sections(tree: cKDTree, points: Array, centre: Array, direction: Array, guess: float) -> _Circles:
+    """Fit circles to the points of a slab across each place, two `guess`es long, or four where points are few.
+
+    Other strands and strays are left out by a limit on the distance first, by Tukey weights then.
+    """
+    distance, index = tree.query(centre, min(_NEIGHBOURS, len(points)), distance_upper_bound=2.0 * np.sqrt(2.0) * guess)
+    # Beyond the distance the query fills up with an index past the end.
+    width = max(int(np.isfinite(distance).sum(axis=1).max()), 1)
+    index = index[:, :width]
+    inside = index < len(points)
+    offset = points[np.where(inside, index, 0)] - centre[:, None, :]
+    first, second = _across(direction)
+    along, u, v = (np.einsum("pki,pi->pk", offset, axis) for axis in (direction, first, second))
+    inside &= u * u + v * v < (2.0 * guess) ** 2
+    count = (inside & (np.abs(along) < guess)).sum(axis=1)
+    half = np.where(count < 2 * _FEWEST, 2.0 * guess, guess)
+    inside &= np.abs(along) < half[:, None]
+    count = inside.sum(axis=1)
+    weight = inside.astype(float)
+    for _ in range(3):
+        x, y, radius = _circle(u, v, weight)
+        dx, dy = u - x[:, None], v - y[:, None]
+        distance = np.sqrt(dx * dx + dy * dy)
+        residual = distance - radius[:, None]
+        total = np.maximum(weight.sum(axis=1), 1e-12)
+        spread = np.sqrt((weight * residual**2).sum(axis=1) / total)
+        limit = np.maximum(3.0 * spread, 0.1 * guess)[:, None]
+        weight = np.where(inside & (np.abs(residual) < limit), (1.0 - (residual / limit) ** 2) ** 2, 0.0)
+    total = np.maximum(weight.sum(axis=1), 1e-12)
+    weight /= np.maximum(distance, 1e-300)
+    lopsided = np.hypot((weight * dx).sum(axis=1), (weight * dy).sum(axis=1)) / total
+    # Three numbers were fitted to n residuals.
+    noise = spread / _TUKEY * np.sqrt(count / np.maximum(count - 3.0, 1.0))
+    good = (count >= _FEWEST) & (radius > 0.3 * guess) & (radius < 2.5 * guess) & (noise < 0.6 * radius)
+    return _Circles(radius, noise, lopsided, count / (2.0 * half), good)
+
+
+def _across(direction: Array) -> tuple[Array, Array]:
+    """Two unit vectors across each unit vector: (P, 3) -> (P, 3), (P, 3)."""
+    first = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction), axis=1)])
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return first, np.cross(direction, first)
+
+
+def _circle(u: Array, v: Array, weight: Array) -> tuple[Array, Array, Array]:
+    """Weighted circle fits by Taubin's method (IEEE PAMI 13, 1991; moments and Newton steps after Chernov, "Circular
+    and Linear Regression", 2010), which is nearly free of the bias towards small radii of the plain algebraic fit.
+
+    Args:
+        u, v, weight: (P, K).
+
+    Returns:
+        Centres u (P,), v (P,) and radii (P,).
+    """
+    total = np.maximum(weight.sum(axis=1), 1e-12)
+    u0, v0 = (weight * u).sum(axis=1) / total, (weight * v).sum(axis=1) / total
+    x, y = u - u0[:, None], v - v0[:, None]
+    z = x * x + y * y
+
+    def mean(value: Array) -> Array:
+        return (weight * value).sum(axis=1) / total
+
+    xx, yy, xy, xz, yz, zz = mean(x * x), mean(y * y), mean(x * y), mean(x * z), mean(y * z), mean(z * z)
+    mz = xx + yy
+    cov = xx * yy - xy * xy
+    var = zz - mz * mz
+    a2 = 4.0 * cov - 3.0 * mz * mz - zz
+    a1 = var * mz + 4.0 * cov * mz - xz * xz - yz * yz
+    a0 = xz * (xz * yy - yz * xy) + yz * (yz * xx - xz * xy) - var * cov
+    root = np.zeros_like(mz)
+    for _ in range(12):
+        slope = a1 + root * (2.0 * a2 + 12.0 * mz * root)
+        value = a0 + root * (a1 + root * (a2 + 4.0 * mz * root))
+        root -= np.divide(value, slope, out=np.zeros_like(value), where=slope != 0.0)
+    det = 2.0 * (root * root - root * mz + cov)
+    scale = np.divide(1.0, det, out=np.zeros_like(det), where=np.abs(det) > 1e-300)
+    cx = (xz * (yy - root) - yz * xy) * scale
+    cy = (yz * (xx - root) - xz * xy) * scale
+    return cx + u0, cy + v0, np.sqrt(np.maximum(cx * cx + cy * cy + mz, 0.0))

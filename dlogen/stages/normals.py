@@ -5,13 +5,17 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dlogen.model import Array, BoolArray
+from dlogen.model import Array
 
 #: Points of a neighbourhood are gathered in blocks of about this many rows, so that memory stays flat.
 _BLOCK = 1_000_000
 
 #: A neighbourhood of this many radii is still close to a plane, and large enough to average noise.
 _PATCH_RADII = 0.7
+
+#: Share of normals for which shape and viewpoint must name the same side for the viewpoint to be believed. Half a tube
+#: seen from 45 degrees off the given viewpoint has 0.75, and the sum of the two is right there still; a full tube 0.5.
+_AGREEMENT = 0.75
 
 
 def choose_neighbours(points: Array, radius: float) -> int:
@@ -105,8 +109,8 @@ def _smallest_axis(covariance: Array) -> Array:
     return axis
 
 
-def outward(points: Array, normals: Array, radius: float) -> BoolArray:
-    """Whether each normal points away from the object's axis.
+def outwardness(points: Array, normals: Array, radius: float) -> Array:
+    """How far each normal points away from the middle of the object, in radii: positive for outward normals.
 
     The centroid of the surface within two radii lies inside the convex hull of the tube, whether the whole tube was
     seen or one side of it: a normal that points away from it points outward. The centroids are those of small cells
@@ -118,7 +122,8 @@ def outward(points: Array, normals: Array, radius: float) -> BoolArray:
         radius: radius of the object, metres.
 
     Returns:
-        (M,) booleans.
+        (M,) the component of (point - centroid) along the normal, divided by the radius: about 0.7 on a whole tube, on
+        half a tube 0.3 in its middle and 0.7 at its edges.
     """
     keys = np.floor((points - points.min(axis=0)) / (0.5 * radius)).astype(np.int64)
     _, cell, count = np.unique(_row_hash(keys), return_inverse=True, return_counts=True)
@@ -132,7 +137,7 @@ def outward(points: Array, normals: Array, radius: float) -> BoolArray:
     for i in range(3):
         centroid[:, i] += np.bincount(a, weighted[b, i], len(count)) + np.bincount(b, weighted[a, i], len(count))
     centroid /= total[:, None]
-    result: BoolArray = np.einsum("mi,mi->m", normals, points - centroid[cell]) >= 0.0
+    result: Array = np.einsum("mi,mi->m", normals, points - centroid[cell]) / radius
     return result
 
 
@@ -151,9 +156,11 @@ def orient_normals(
         normals: (M, 3) unit normals of any sign.
         radius: radius of the object, metres.
         viewpoint: (3,) position of the sensor, if known.
-        method: "outward" looks at the shape only (see `outward`), "viewpoint" turns all towards the sensor, "auto"
-            takes the viewpoint where it agrees with the shape, so for a scan from one side; a full tube (of whose
-            normals half point away from any viewpoint) and the all-zero viewpoint of files that know none do not.
+        method: "outward" looks at the shape only (see `outwardness`), "viewpoint" turns all towards the sensor, "auto"
+            adds half the cosine to the viewpoint to the outwardness where the two agree by and large, so for a scan
+            from one side: the shape is weak where the surface faces the sensor, the viewpoint at the edges. On a full
+            tube (of whose normals half point away from any viewpoint), and for the all-zero viewpoint of files that
+            know none, they do not agree, and the shape decides.
 
     Returns:
         (M, 3) unit normals.
@@ -165,11 +172,13 @@ def orient_normals(
         raise ValueError(f"unknown method {method!r}")
     if method == "viewpoint" and viewpoint is None:
         raise ValueError("no viewpoint is known")
-    signs = np.ones(len(points), dtype=bool)
+    score = np.zeros(len(points))
     if method != "viewpoint":
-        signs = outward(points, normals, radius)
+        score = outwardness(points, normals, radius)
     if method != "outward" and viewpoint is not None:
-        towards = np.einsum("mi,mi->m", normals, viewpoint - points) >= 0.0
-        if method == "viewpoint" or np.mean(towards == signs) > 0.9:
-            signs = towards
-    return np.where(signs[:, None], normals, -normals)
+        sight = viewpoint - points
+        distance = np.maximum(np.linalg.norm(sight, axis=1), 1e-300)
+        towards = np.einsum("mi,mi->m", normals, sight) / distance
+        if method == "viewpoint" or np.mean((towards >= 0.0) == (score >= 0.0)) > _AGREEMENT:
+            score += 0.5 * towards
+    return np.where(score[:, None] >= 0.0, normals, -normals)

@@ -92,7 +92,9 @@ def _make_result(
     e_max = radius / 2 if e_max is None else e_max
     s = np.linspace(0.0, 1.0, 400)
     tangents = line(s, 1) / np.linalg.norm(line(s, 1), axis=1, keepdims=True)
-    normals = np.cross(tangents, np.roll(tangents, 1, axis=1) + [0.1, 0.2, 0.4])
+    # Around the tube by the golden angle: no two neighbours on the same side.
+    turns = 2.4 * np.arange(len(s))
+    normals = np.cross(tangents, np.stack([np.cos(turns), np.sin(turns), np.cos(1.7 * turns)], axis=1))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     points = line(s) + radius * normals
     projected = project(points, normals, radius)

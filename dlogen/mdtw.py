@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from dlogen.model import Array, IntArray, Mdtw
-from dlogen.polyline import arc_lengths, hausdorff, resample
 
 # How the best path reaches a pair (i, j). The order is the tie rule: of equally good steps the first is taken.
 _DIAGONAL, _ALONG_V, _ALONG_Q = 0, 1, 2  # from (i-1, j-1), from (i-1, j), from (i, j-1)
@@ -55,58 +52,6 @@ def mdtw(v: npt.ArrayLike, q: npt.ArrayLike) -> Mdtw:
         mean=float(error.mean()),
         std=float(error.std(ddof=1)) if len(error) > 1 else 0.0,
         max=float(error.max()),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """How two polylines differ.
-
-    Attributes:
-        mdtw: of the two, sampled by the same number of points even in arc length.
-        samples: that number.
-        reversed: whether the second one was taken from its end to its start.
-        hausdorff: Hausdorff distance, metres.
-        length_a, length_b: arc lengths, metres.
-    """
-
-    mdtw: Mdtw
-    samples: int
-    reversed: bool
-    hausdorff: float
-    length_a: float
-    length_b: float
-
-    @property
-    def length_difference(self) -> float:
-        """Length of the first less that of the second, metres."""
-        return self.length_a - self.length_b
-
-
-def compare(a: npt.ArrayLike, b: npt.ArrayLike, samples: int = 1000, *, align_direction: bool = True) -> Comparison:
-    """Compare two polylines by `mdtw`, both sampled by the same number of points even in arc length.
-
-    Args:
-        a: (K, 3) vertices of the first polyline, metres.
-        b: (L, 3) vertices of the second one, metres.
-        samples: points on each, at least 2. The paper takes 1000.
-        align_direction: take `b` in the direction that gives the smaller mean error, since a scanned object has no
-            preferred end; otherwise as it is.
-
-    Raises:
-        ValueError: wrong shapes, no points, coordinates that are not finite, or fewer than 2 samples.
-    """
-    sampled_a, sampled_b = resample(a, samples), resample(b, samples)
-    error = mdtw(sampled_a, sampled_b)
-    flipped = mdtw(sampled_a, sampled_b[::-1]) if align_direction else error
-    reverse = flipped.mean < error.mean
-    return Comparison(
-        mdtw=flipped if reverse else error,
-        samples=samples,
-        reversed=reverse,
-        hausdorff=hausdorff(a, b),
-        length_a=float(arc_lengths(a)[-1]),
-        length_b=float(arc_lengths(b)[-1]),
     )
 
 

@@ -23,6 +23,10 @@ class Basis(Protocol):
         """Values, or derivatives with respect to s, of all functions: (K,) -> (K, N)."""
         ...
 
+    def combine(self, s: Array, weights: Array, derivative: int = 0) -> Array:
+        """The weighted sum of the functions (Eq. 7) or its derivative: (K,), (N, 3) -> (K, 3)."""
+        ...
+
     def to_dict(self) -> dict[str, Any]:
         """Everything needed to evaluate the basis again."""
         ...
@@ -58,6 +62,10 @@ class InverseQuadratic:
         if derivative == 3:
             return 24.0 * self.tau**3 * t * (1.0 - t * t) * q**4
         raise ValueError(f"derivative {derivative} is not available")
+
+    def combine(self, s: Array, weights: Array, derivative: int = 0) -> Array:
+        """See `Basis.combine`."""
+        return self(s, derivative) @ weights
 
     def to_dict(self) -> dict[str, Any]:
         """See `Basis.to_dict`."""
@@ -105,6 +113,11 @@ class CubicBSpline:
         else:
             raise ValueError(f"derivative {derivative} is not available")
         return first, np.stack(parts, axis=1) * (intervals**derivative / 6.0)
+
+    def combine(self, s: Array, weights: Array, derivative: int = 0) -> Array:
+        """See `Basis.combine`; touches only the four functions that are not zero."""
+        first, local = self.local(s, derivative)
+        return sum((local[:, j, None] * weights[first + j] for j in range(1, 4)), local[:, 0, None] * weights[first])
 
     def to_dict(self) -> dict[str, Any]:
         """See `Basis.to_dict`."""

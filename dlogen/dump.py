@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,53 +11,43 @@ from dlogen.model import Array
 from dlogen.stages.curvature import curvature
 
 if TYPE_CHECKING:
-    from dlogen.model import Result
+    from dlogen.model import Intermediate, Result
 
 
 def dump_files(result: Result) -> dict[str, bytes]:
-    """File names and contents, numbered in the order of the paper's section III; metres.
+    """File names and contents, numbered in the order in which they were made; metres.
 
-    The sorted points carry their coordinate s as a property and as a colour from dark blue (s = 0) to yellow (s = 1).
+    Points carry what the stage found about them as properties; sorted ones their coordinate s as a colour too, from
+    dark blue (s = 0) to yellow (s = 1).
     """
-    made = result.intermediates
-    order = made.sorted
-    line = result.skeleton
+    line, chain = result.skeleton, result.chain
     s = np.linspace(0.0, 1.0, len(result.skeleton_points))
-    chain = result.chain
     rotation = chain.transforms[:, :3, :3].reshape(-1, 9)
-    return {
-        "1_normals.ply": _ply(made.points, {**_xyz("n", made.normals)}),
-        "2_projected.ply": _ply(made.projected, {}),
-        "3_sorted.ply": _ply(made.projected[order.index], {"s": order.s}, colour=order.s),
-        "3_unreached.ply": _ply(made.projected[order.unreached], {}),
-        "4_skeleton.csv": _csv("s,x,y,z,curvature", s, line(s), curvature(line, s)),
-        "5_joints.csv": _csv("s,x,y,z", chain.s, chain.joints),
-        "6_chain.csv": _csv(
-            "length,x,y,z,r11,r12,r13,r21,r22,r23,r31,r32,r33", chain.lengths, chain.transforms[:, :3, 3], rotation
-        ),
-        "7_mdtw.csv": _csv("s,error,skeleton_index,chain_index", result.mdtw.s, result.mdtw.error, result.mdtw.path),
-    }
+    files = {f"{item.name}.ply": _ply(item) for item in result.intermediates}
+    files["skeleton.csv"] = _csv("s,x,y,z,curvature", s, line(s), curvature(line, s))
+    files["joints.csv"] = _csv("s,x,y,z", chain.s, chain.joints)
+    files["chain.csv"] = _csv(
+        "length,x,y,z,r11,r12,r13,r21,r22,r23,r31,r32,r33", chain.lengths, chain.transforms[:, :3, 3], rotation
+    )
+    files["mdtw.csv"] = _csv("s,error,skeleton_index,chain_index", result.mdtw.s, result.mdtw.error, result.mdtw.path)
+    return {f"{i + 1}_{name}": content for i, (name, content) in enumerate(files.items())}
 
 
-def _xyz(prefix: str, vectors: Array) -> dict[str, Array]:
-    return {f"{prefix}{axis}": vectors[:, i] for i, axis in enumerate("xyz")}
-
-
-def _ply(points: Array, extra: Mapping[str, Array], colour: Array | None = None) -> bytes:
-    """Binary little-endian PLY with double properties and, from `colour` in [0, 1], red, green and blue."""
-    columns = {**_xyz("", points), **extra}
+def _ply(item: Intermediate) -> bytes:
+    """Binary little-endian PLY with double properties, and red, green and blue where there is something to colour."""
+    columns = {**{axis: item.points[:, i] for i, axis in enumerate("xyz")}, **item.columns}
     kinds = [(name, "<f8") for name in columns]
     header = [f"property double {name}" for name in columns]
-    if colour is not None:
-        kinds += [(name, "u1") for name in ("red", "green", "blue")]
-        header += [f"property uchar {name}" for name in ("red", "green", "blue")]
-    rows = np.empty(len(points), dtype=kinds)
+    colours = ("red", "green", "blue") if item.colour is not None else ()
+    kinds += [(name, "u1") for name in colours]
+    header += [f"property uchar {name}" for name in colours]
+    rows = np.empty(len(item.points), dtype=kinds)
     for name, values in columns.items():
         rows[name] = values
-    if colour is not None:
-        for name, values in zip(("red", "green", "blue"), _colours(colour).T, strict=True):
+    if item.colour is not None:
+        for name, values in zip(colours, _colours(item.columns[item.colour]).T, strict=True):
             rows[name] = values
-    head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}", *header, "end_header", ""]
+    head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}", *header, "end_header", ""]
     return "\n".join(head).encode() + rows.tobytes()
 
 

@@ -127,7 +127,7 @@ class Skeleton:
 
     def __call__(self, s: npt.ArrayLike, derivative: int = 0) -> Array:
         """f(s) or its derivative with respect to s: (K,) -> (K, 3)."""
-        value = self.basis(np.atleast_1d(np.asarray(s, dtype=float)), derivative) @ self.weights
+        value = self.basis.combine(np.atleast_1d(np.asarray(s, dtype=float)), self.weights, derivative)
         return value + self.offset if derivative == 0 else value
 
 
@@ -243,13 +243,20 @@ class Residual:
 
 
 @dataclass(frozen=True, eq=False)
-class Intermediates:
-    """What each stage made, for dumps and pictures. Row i of the (M, 3) arrays belongs to point i of the cloud."""
+class Intermediate:
+    """What a stage made of the points, for dumps and pictures.
 
+    Attributes:
+        name: of the stage.
+        points: (K, 3) metres.
+        columns: further numbers for each point, (K,) each.
+        colour: name of the column in [0, 1] that a picture should show as colour, if any.
+    """
+
+    name: str
     points: Array
-    normals: Array
-    projected: Array
-    sorted: SortedPoints
+    columns: dict[str, Array] = field(default_factory=dict)
+    colour: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,10 +274,10 @@ class Result:
         mdtw: skeleton line against chain.
         residual: points against the tube.
         quality: verdict and findings.
-        settings: the resolved configuration: no "auto" is left in it.
+        settings: the resolved configuration; "auto" is left only for what this profile does not use.
         provenance: version, input, its hash and size.
         timings: seconds per stage.
-        intermediates: what the stages made.
+        intermediates: what the stages made of the points, in their order.
     """
 
     name: str
@@ -287,4 +294,4 @@ class Result:
     settings: dict[str, Any]
     provenance: dict[str, Any]
     timings: dict[str, float]
-    intermediates: Intermediates
+    intermediates: tuple[Intermediate, ...]

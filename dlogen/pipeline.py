@@ -18,14 +18,16 @@ from dlogen.arclength import even_parameters
 from dlogen.config import AUTO, Config
 from dlogen.errors import ConfigError, DlogenError, FitError
 from dlogen.mdtw import mdtw
-from dlogen.model import Array, Chain, Cloud, Finding, Intermediates, Joints, Quality, Result, Skeleton
+from dlogen.model import Array, BoolArray, Cloud, Finding, Intermediate, Quality, Result, Skeleton
 from dlogen.polyline import resample
 from dlogen.stages.chain import build_chain, deviation
-from dlogen.stages.checks import check_line, check_points
+from dlogen.stages.checks import check_line, check_points, check_walk, on_surface
 from dlogen.stages.curvature import max_curvature, max_segment_length
 from dlogen.stages.joints import place_joints
 from dlogen.stages.normals import choose_neighbours, estimate_normals, orient_normals
+from dlogen.stages.ordering import order
 from dlogen.stages.projection import project
+from dlogen.stages.refine import refine
 from dlogen.stages.residual import foot_points, tube_residual
 from dlogen.stages.scale import estimate_scale
 from dlogen.stages.skeleton import choose_beta, fit_skeleton, paper_basis
@@ -75,7 +77,7 @@ def fit(
             viewpoint=None if cloud.viewpoint is None else (cloud.viewpoint - centre) * scale,
         )
 
-    line = _paper_line(near, config, settings, clock)
+    line = (_refined_line if config.profile == "refined" else _paper_line)(near, config, settings, clock)
 
     with clock.stage("segmentation"):
         e_max = settings["e_max"] = line.radius / 2.0 if config.e_max == AUTO else config.e_max
@@ -92,8 +94,7 @@ def fit(
         )
 
     with clock.stage("checks"):
-        s, distance = foot_points(near.points, line.skeleton)
-        findings = check_line(line.skeleton, line.radius, s, distance, line.intermediates.sorted.unreached, bend)
+        findings = check_line(line.skeleton, line.radius, line.distance, line.on_tube, bend)
 
     result = Result(
         name=name or _stem(cloud),
@@ -105,7 +106,7 @@ def fit(
         e_max=e_max,
         max_deviation=max_deviation,
         mdtw=error,
-        residual=tube_residual(distance, line.radius),
+        residual=tube_residual(line.distance[line.on_tube], line.radius),
         quality=Quality((*line.findings, *findings)),
         settings=settings,
         provenance=_provenance(cloud, settings),
@@ -117,18 +118,63 @@ def fit(
 
 @dataclass(frozen=True, eq=False)
 class _Line:
-    """A skeleton line with what a profile knows of it."""
+    """A skeleton line with what a profile knows of it.
+
+    Attributes:
+        skeleton: the line.
+        radius: of the object, metres.
+        distance: (M,) distance of the cloud's points to the line, metres.
+        on_tube: (M,) which of them count as points of the tube.
+        intermediates: what the profile's stages made.
+        findings: what they found.
+    """
 
     skeleton: Skeleton
     radius: float
-    intermediates: Intermediates
-    findings: tuple[Finding, ...] = ()
+    distance: Array
+    on_tube: BoolArray
+    intermediates: tuple[Intermediate, ...]
+    findings: tuple[Finding, ...]
+
+
+def _refined_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock: _Clock) -> _Line:
+    """The skeleton line by a robust fit of the tube's surface, from an order that survives real captures."""
+    points = cloud.points
+    given = None if config.r == AUTO else config.r
+    with clock.stage("scale"):
+        _check_radius(points, given)
+        scale = estimate_scale(points, radius=given)
+
+    with clock.stage("ordering"):
+        ordering = order(points, given, scale)
+
+    with clock.stage("refine"):
+        fitted = refine(points, ordering.backbone, ordering.radius, fixed_radius=given is not None)
+        skeleton, radius = fitted.skeleton, fitted.radius
+        settings.update(r=radius, N=skeleton.basis.size)
+
+    s, residual = fitted.s, fitted.residuals
+    on_tube = fitted.inliers
+    along = np.flatnonzero(on_tube)[np.argsort(s[on_tube], kind="stable")]
+    return _Line(
+        skeleton,
+        radius,
+        residual + radius,
+        on_tube,
+        (
+            Intermediate("ordering", ordering.backbone),
+            Intermediate("tube", points[along], {"s": s[along], "residual": residual[along]}, colour="s"),
+            Intermediate("off_tube", points[~on_tube], {"residual": residual[~on_tube]}),
+        ),
+        (*ordering.findings, *fitted.findings),
+    )
 
 
 def _paper_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock: _Clock) -> _Line:
     """The skeleton line by the paper's stages as published (III.B and III.C)."""
     points = cloud.points
     with clock.stage("scale"):
+        _check_radius(points, None if config.r == AUTO else config.r)
         radius = estimate_scale(points).radius if config.r == AUTO else config.r
         r_n = search_radius(points, radius) if config.r_n == AUTO else config.r_n
         settings["r"], settings["r_n"] = radius, r_n
@@ -150,25 +196,51 @@ def _paper_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock: _
             raise ConfigError(
                 f"sorting.start = {start}, but the cloud has {len(points)} points", "points are counted from 0"
             )
-        order = sort_points(projected, normals, r_n, start)
-        reached = projected[order.index]
+        walk = sort_points(projected, normals, r_n, start)
+        reached = projected[walk.index]
 
     with clock.stage("skeleton"):
         basis = paper_basis(
             None if config.N == AUTO else config.N, None if config.skeleton.tau == AUTO else config.skeleton.tau
         )
-        beta = choose_beta(basis, reached, order.s) if config.beta == AUTO else config.beta
+        beta = choose_beta(basis, reached, walk.s) if config.beta == AUTO else config.beta
         settings.update(N=basis.size, beta=beta)
         settings["skeleton"]["tau"] = basis.tau
         settings["sorting"]["start"] = start
-        skeleton = fit_skeleton(reached, order.s, basis, beta)
+        skeleton = fit_skeleton(reached, walk.s, basis, beta)
     if skeleton.length <= radius:
         raise FitError(
             f"the object would be {1e3 * skeleton.length:.2g} mm long at a radius of {1e3 * radius:.2g} mm: no line",
             "is it a cable at all? dlogen info shows the cloud's size; give r if it was estimated wrongly",
             stage="skeleton",
         )
-    return _Line(skeleton, radius, Intermediates(points, normals, projected, order))
+
+    with clock.stage("residual"):
+        s, distance = foot_points(points, skeleton)
+        on_tube = on_surface(distance, radius)
+    return _Line(
+        skeleton,
+        radius,
+        distance,
+        on_tube,
+        (
+            Intermediate("normals", points, {f"n{axis}": normals[:, i] for i, axis in enumerate("xyz")}),
+            Intermediate("projected", projected),
+            Intermediate("sorted", reached, {"s": walk.s}, colour="s"),
+            Intermediate("unreached", projected[walk.unreached]),
+        ),
+        tuple(check_walk(skeleton, radius, s, on_tube, len(walk.unreached))),
+    )
+
+
+def _check_radius(points: Array, radius: float | None) -> None:
+    """Refuse a radius that cannot be that of this cloud; mostly it was given in the cloud's units."""
+    extent = float(np.ptp(points, axis=0).max())
+    if radius is not None and 2.0 * radius > extent:
+        raise ConfigError(
+            f"r = {radius:g} m is more than the whole cloud, which is {extent:.4g} m large",
+            "r is in metres whatever the cloud's units are; units says what those are",
+        )
 
 
 def _normals(cloud: Cloud, radius: float, config: Config, settings: dict[str, Any]) -> Array:
@@ -213,7 +285,6 @@ def _moved(result: Result, offset: Array) -> Result:
     transforms = result.chain.transforms.copy()
     transforms[:, :3, 3] += offset
     positions = result.joints.positions + offset
-    made = result.intermediates
     return replace(
         result,
         skeleton=replace(result.skeleton, offset=result.skeleton.offset + offset),
@@ -221,7 +292,7 @@ def _moved(result: Result, offset: Array) -> Result:
         joints=replace(result.joints, positions=positions),
         chain=replace(result.chain, joints=positions, transforms=transforms),
         quality=Quality(tuple(shifted(finding) for finding in result.quality.findings)),
-        intermediates=replace(made, points=made.points + offset, projected=made.projected + offset),
+        intermediates=tuple(replace(made, points=made.points + offset) for made in result.intermediates),
     )
 
 

@@ -61,7 +61,7 @@ def report_dict(result: Result, reference: dict[str, Any] | None = None) -> dict
         "schema": REPORT_SCHEMA,
         "units": {"length": "m", "time": "s"},
         "profile": result.profile,
-        "points": len(result.intermediates.points),
+        "points": result.provenance["points"],
         "length": result.skeleton.length,
         "segment_count": len(result.chain.lengths),
         "segment_length": result.joints.segment_length,

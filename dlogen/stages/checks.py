@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from dlogen.errors import FitError
-from dlogen.model import Array, Finding, IntArray, Skeleton
+from dlogen.model import Array, BoolArray, Finding, Skeleton
 
 #: Fewer points than this cannot show a tube; the paper works with 5,000.
 MIN_POINTS = 30
+
+#: Nobody scans cables of this many metres in one cloud.
+_LONGEST = 50.0
 
 
 def check_points(points: Array, *, surface: bool = True) -> None:
@@ -51,36 +54,77 @@ def check_points(points: Array, *, surface: bool = True) -> None:
 
 
 def check_line(
-    line: Skeleton,
-    radius: float,
-    s: Array,
-    distance: Array,
-    unreached: IntArray,
-    max_curvature: tuple[float, float],
+    line: Skeleton, radius: float, distance: Array, on_tube: BoolArray, max_curvature: tuple[float, float]
 ) -> list[Finding]:
-    """Findings about a skeleton line and the cloud that it came from.
+    """Findings about a skeleton line and the cloud around it, whatever profile made it.
 
     Args:
         line: the skeleton line.
         radius: of the object, metres.
-        s: (M,) foot coordinate of every point.
-        distance: (M,) its distance to the line, metres.
-        unreached: points that the sorting walk did not reach.
+        distance: (M,) distance of every point to the line, metres.
+        on_tube: (M,) whether it counts as a point of the tube's surface.
         max_curvature: kappa (1/m) and the s where it is.
     """
     findings = []
     kappa, s_kappa = max_curvature
     if kappa * radius > 1.0:
+        text = (
+            f"the line bends with a radius of {1e3 / kappa:.3g} mm, tighter than the object's own {1e3 * radius:.3g} mm"
+        )
+        findings.append(_at(line, "bend-tighter-than-radius", text, "bad", s_kappa))
+    # Strays are far from the line; points near it but not on the surface say that there is no tube of this radius.
+    near = distance < 2.5 * radius
+    off = float(np.mean(~on_tube[near])) if near.any() else 1.0
+    if off > 0.1:
         findings.append(
-            _at(
-                line,
-                "bend-tighter-than-radius",
-                f"the line bends with a radius of {1e3 / kappa:.1f} mm, tighter than the object's own {1e3 * radius:.1f} mm",
-                "bad",
-                s_kappa,
+            Finding(
+                "points-off-the-tube",
+                f"{100 * off:.0f} % of the points around the line are not on a tube of radius {1e3 * radius:.3g} mm: "
+                "the cloud is something else, or the fit failed",
+                "bad" if off > 0.3 else "doubtful",
             )
         )
-    share = len(unreached) / len(s)
+    median = float(np.median(distance[near])) if near.any() else 0.0
+    if abs(median - radius) > 0.2 * radius:
+        findings.append(
+            Finding(
+                "radius-mismatch",
+                f"the points are {1e3 * median:.3g} mm from the line (median), but the radius is {1e3 * radius:.3g} mm",
+                "doubtful",
+            )
+        )
+    if line.length > _LONGEST:
+        findings.append(
+            Finding("units", f"the object is {line.length:.0f} m long: set units (mm, cm) if it is not", "doubtful")
+        )
+    return findings
+
+
+def on_surface(distance: Array, radius: float) -> BoolArray:
+    """Which points count as points of the tube's surface, by the spread of their own distances to it.
+
+    Args:
+        distance: (M,) to the skeleton line, metres.
+        radius: of the object, metres.
+    """
+    error = np.abs(distance - radius)
+    # Four standard deviations (the median absolute deviation is 0.67 of one), within half a radius and one.
+    result: BoolArray = error < np.clip(4.0 * 1.4826 * float(np.median(error)), 0.5 * radius, radius)
+    return result
+
+
+def check_walk(line: Skeleton, radius: float, s: Array, on_tube: BoolArray, unreached: int) -> list[Finding]:
+    """Findings about the paper's sorting walk, which knows nothing of gaps, branches and rings.
+
+    Args:
+        line: the skeleton line.
+        radius: of the object, metres.
+        s: (M,) foot coordinate of every point.
+        on_tube: (M,) whether it counts as a point of the tube's surface.
+        unreached: number of points that the walk did not reach.
+    """
+    findings = []
+    share = unreached / len(s)
     if share > 0.02:
         findings.append(
             Finding(
@@ -90,23 +134,7 @@ def check_line(
                 "bad" if share > 0.15 else "doubtful",
             )
         )
-    off = np.abs(distance - radius) > 0.5 * radius
-    if np.mean(off) > 0.1:
-        findings.append(
-            Finding(
-                "points-off-the-tube",
-                f"{100 * np.mean(off):.0f} % of the points are more than half a radius from the tube's surface: "
-                "the cloud is not one tube of this radius, or the fit failed",
-                "bad" if np.mean(off) > 0.3 else "doubtful",
-            )
-        )
-    findings += _gaps(line, radius, s[~off])
-    findings += _closed(line, radius)
-    if line.length > 50.0:
-        findings.append(
-            Finding("units", f"the object is {line.length:.0f} m long: set units (mm, cm) if it is not", "doubtful")
-        )
-    return findings
+    return [*findings, *_gaps(line, radius, s[on_tube]), *_closed(line, radius)]
 
 
 def _gaps(line: Skeleton, radius: float, s: Array) -> list[Finding]:

@@ -12,7 +12,7 @@ import pytest
 from dlogen.arclength import arc_length, even_parameters
 from dlogen.basis import Basis, CubicBSpline
 from dlogen.mdtw import mdtw
-from dlogen.model import Intermediates, Quality, Result, Skeleton
+from dlogen.model import Intermediate, Quality, Result, Skeleton
 from dlogen.polyline import resample
 from dlogen.stages.chain import build_chain, deviation
 from dlogen.stages.curvature import max_curvature, max_segment_length
@@ -20,7 +20,6 @@ from dlogen.stages.joints import place_joints
 from dlogen.stages.projection import project
 from dlogen.stages.residual import foot_points, tube_residual
 from dlogen.stages.skeleton import fit_skeleton
-from dlogen.stages.sorting import sort_points
 from dlogen.synthetic import CentreLine, SyntheticCloud, centre_line, random_centre_line, sample_tube
 
 Array = np.ndarray
@@ -98,6 +97,7 @@ def _make_result(
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     points = line(s) + radius * normals
     projected = project(points, normals, radius)
+    walk = sort_points(projected, normals, 8 * radius)
     kappa = max_curvature(line)[0]
     joints = place_joints(line, max_segment_length(e_max, 1 / kappa if kappa > 0 else np.inf))
     chain = build_chain(joints, radius)
@@ -117,7 +117,12 @@ def _make_result(
         "settings": {"material": {"name": "generic", "density": 1200.0}, "report": {"timings": True}, "seed": 0},
         "provenance": {"dlogen": "0", "input": "x.ply", "sha256": "0", "points": 400, "config": {}, "seed": 0},
         "timings": {"input": 0.001},
-        "intermediates": Intermediates(points, normals, projected, sort_points(projected, normals, 8 * radius)),
+        "intermediates": (
+            Intermediate("normals", points, {f"n{axis}": normals[:, i] for i, axis in enumerate("xyz")}),
+            Intermediate("projected", projected),
+            Intermediate("sorted", projected[walk.index], {"s": walk.s}, colour="s"),
+            Intermediate("unreached", projected[walk.unreached]),
+        ),
     }
     return Result(**(values | changes))
 

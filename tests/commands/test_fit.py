@@ -97,10 +97,16 @@ def test_reference_measures_against_a_known_line(cloud: Path, tmp_path: Path) ->
     assert 0.0 < reference["mean"] < 1.25 * 2.42e-3
 
 
-def test_dump_writes_the_stages(cloud: Path, tmp_path: Path) -> None:
-    assert run(cloud, "-o", tmp_path / "out", "--dump", tmp_path / "stages").exit_code == 0
-    names = sorted(path.name for path in (tmp_path / "stages").iterdir())
-    assert names[0] == "cloud.1_normals.ply" and names[-1] == "cloud.7_mdtw.csv" and len(names) == 8
+@pytest.mark.parametrize(
+    ("profile", "stages"),
+    [("paper", ["normals", "projected", "sorted", "unreached"]), ("refined", ["ordering", "tube", "off_tube"])],
+)
+def test_dump_writes_the_stages_in_order(cloud: Path, tmp_path: Path, profile: str, stages: list[str]) -> None:
+    arguments = ["-o", tmp_path / "out", "--dump", tmp_path / "stages", "--profile", profile]
+    assert run(cloud, *arguments).exit_code == 0
+    made = [*(f"{name}.ply" for name in stages), "skeleton.csv", "joints.csv", "chain.csv", "mdtw.csv"]
+    expected = {f"cloud.{i + 1}_{name}" for i, name in enumerate(made)}
+    assert {path.name for path in (tmp_path / "stages").iterdir()} == expected
 
 
 def test_flag_beats_set_beats_file(cloud: Path, tmp_path: Path) -> None:

@@ -50,6 +50,8 @@ def sort_points(projected: Array, normals: Array, search_radius: float, start: i
     coordinate = np.full(len(projected), np.nan)
     ball = np.asarray(tree.query_ball_point(projected[start], search_radius))
     direction = local_direction(normals[ball])
+    # Which end comes first is arbitrary, but must not depend on rounding or on the linear algebra library.
+    direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
     along = (projected[ball] - projected[start]) @ direction
     coordinate[ball] = along
     for sign in (1.0, -1.0):

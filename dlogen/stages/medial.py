@@ -11,16 +11,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import coo_matrix
 from scipy.spatial import cKDTree
 
 from dlogen.model import Array, BoolArray, IntArray
+from dlogen.stages.symmetric import smallest_axes
 
 #: Reach of the neighbourhoods in radii, round by round: of nodes of projected points, which are near the axis from the
 #: start, and of others, which are anywhere around the tube.
 _SHARP = (2.0, 1.6, 1.6, 1.6)
 _BLUNT = (3.5, 3.0, 2.5, 2.5)
 
+#: Size of the cells that projected points are gathered in, in radii.
+_SHARP_CELL = 0.7
+
+#: Projected points for each radius of length that make others unnecessary.
+_PLENTY = 5.0
 #: Fewest points, itself included, that a point's normal is taken from.
 _PATCH = 6
 
@@ -33,16 +39,13 @@ class Nodes:
         position: (N, 3) metres.
         direction: (N, 3) unit tangents, of any sign.
         weight: (N,) number of points that each stands for.
-        linearity: (N,) share of the variance around the node that is along the direction: 1 on a line, 1/2 on a
-            crossing.
-        of_point: (M,) the node of each point, -1 for none.
+        density: (N,) points for each radius of length around it.
     """
 
     position: Array
     direction: Array
     weight: Array
-    linearity: Array
-    of_point: IntArray
+    density: Array
 
 
 def axis_votes(points: Array, tree: cKDTree, radius: float, spacing: float) -> tuple[Array, BoolArray]:
@@ -60,13 +63,14 @@ def axis_votes(points: Array, tree: cKDTree, radius: float, spacing: float) -> t
     """
     # A disc of 4 spacings has some 11 points of a random surface; beyond 0.9 radii it is no plane any more.
     reach = float(np.clip(4.0 * spacing, 0.35 * radius, 0.9 * radius))
-    near = _neighbours(tree, reach)
-    moments = near @ _moments(points)
+    moments = _sums(tree.query_pairs(reach, output_type="ndarray"), _moments(points))
     projected = moments[:, 0] >= _PATCH
-    if not projected.any():
+    if projected.mean() < 0.5:
+        # What they are in such a cloud is chance.
+        projected[:] = False
         return points, projected
     normals = smallest_axes(_covariances(moments[projected]))
-    inward = _local_centroids(points, 1.0 * radius, 2.0 * radius)[projected] - points[projected]
+    inward = _local_centroids(points, radius, 2.0 * radius)[projected] - points[projected]
     normals *= np.where(np.einsum("mi,mi->m", normals, inward) > 0.0, -1.0, 1.0)[:, None]
     votes = points.copy()
     votes[projected] -= radius * normals
@@ -84,36 +88,88 @@ def contract(votes: Array, projected: BoolArray, radius: float, per_radius: floa
         radius: of the tube, metres.
         per_radius: points for each radius of length, of these M.
     """
-    sparse = float(projected.mean()) < 0.5
-    size = 0.8 * radius * float(np.clip(8.0 / per_radius, 1.0, 1.8)) if sparse else 0.5 * radius
-    of_point, position, weight = cells(votes, size)
-    blunt = np.bincount(of_point, projected) < 0.5 * weight
+    position, weight = cells(votes[projected], _SHARP_CELL * radius)[1:]
+    blunt = np.zeros(len(position), dtype=bool)
+    if not projected.all():
+        # Points without a normal say nothing more where enough others have one.
+        rest = votes[~projected]
+        if len(position):
+            enough = _density(position, weight, radius) > _PLENTY
+            tree = cKDTree(position[enough]) if enough.any() else None
+            if tree is not None:
+                rest = rest[np.isinf(tree.query(rest, distance_upper_bound=1.5 * radius)[0])]
+        dull, dull_weight = cells(rest, radius * float(np.clip(8.0 / per_radius, 1.0, 1.5)))[1:]
+        blunt = np.arange(len(position) + len(dull)) >= len(position)
+        position, weight = np.concatenate([position, dull]), np.concatenate([weight, dull_weight])
 
-    # How many points there are for each radius of length, seen from each node.
-    density = (_neighbours(cKDTree(position), 2.0 * radius) @ weight) / 4.0
-    lonely = density < max(0.05 * per_radius, 0.6)
-    number = np.cumsum(~lonely) - 1
-    of_point = np.where(lonely, -1, number)[of_point]
-    position, weight, blunt, density = position[~lonely], weight[~lonely], blunt[~lonely], density[~lonely]
+    density = _density(position, weight, radius)
+    kept = density > max(0.05 * per_radius, 0.6)
+    position, weight, blunt, density = position[kept], weight[kept], blunt[kept], density[kept]
     if len(position) == 0:
-        return Nodes(position, position, weight, weight, of_point)
+        return Nodes(position, position, weight, density)
 
-    stretch = np.where(blunt, np.clip(8.0 / density, 1.0, 2.5), 1.0) * radius
+    stretch = np.clip(8.0 / density, 1.0, 2.5) * radius
     rounds = [np.where(blunt, b, s) for b, s in zip(_BLUNT, _SHARP, strict=True)]
     if not blunt.any():
-        rounds = rounds[:2]
+        rounds = rounds[:1]
     # Nodes move by a radius or so: the pairs of the first round serve for all.
-    pairs = _pairs(position, float((rounds[0] * stretch).max()))
+    half = cKDTree(position).query_pairs(float((rounds[0] * stretch).max()), output_type="ndarray")
+    pairs = np.concatenate([half, half[:, ::-1]])
     for factor in rounds:
         distance = _distances(position, pairs)
-        direction, _ = _directions(position, weight, pairs, distance, factor * stretch)
-        kernel = _kernel(pairs, distance, np.minimum(factor, 0.6 * factor + 0.2) * stretch, weight)
-        sums = kernel @ np.column_stack([position, np.ones(len(position))])
-        shift = sums[:, :3] / sums[:, 3:] - position
+        direction = _directions(position, weight, pairs, distance, factor * stretch)
+        shift = _local_means(position, weight, pairs, distance, (0.6 * factor + 0.1) * stretch) - position
         position = position + shift - np.einsum("ni,ni->n", shift, direction)[:, None] * direction
     distance = _distances(position, pairs)
-    direction, linearity = _directions(position, weight, pairs, distance, rounds[-1] * stretch)
-    return Nodes(position, direction, weight, linearity, of_point)
+    direction = _directions(position, weight, pairs, distance, rounds[-1] * stretch)
+    return Nodes(position, direction, weight, density)
+
+
+def recentre(line: Array, points: Array, tree: cKDTree, radius: float, per_radius: float) -> Array:
+    """Move the vertices of a line across it so that the surface points around are one radius away.
+
+    For clouds too sparse for normals: means of their points are off by 0.7 r / sqrt(count), and by 0.6 r where one side
+    only was seen; this is neither. Each step solves the normal equations of sum w (|x| - r)^2 for the shift, x being
+    the offset of a point across the line.
+
+    Args:
+        line: (K, 3) vertices about one radius apart, metres.
+        points: (M, 3) surface points, metres.
+        tree: of the points.
+        radius: of the tube, metres.
+        per_radius: points for each radius of length.
+
+    Returns:
+        (K, 3) vertices.
+    """
+    half = radius * float(np.clip(10.0 / per_radius, 1.2, 3.0))
+    pairs = cKDTree(line).sparse_distance_matrix(tree, float(np.hypot(half, 1.7 * radius)), output_type="ndarray")
+    row, column = pairs["i"], pairs["j"]
+    line = line.copy()
+    count = len(line)
+    for _ in range(2 if per_radius > 10.0 else 4):
+        tangent = np.gradient(line, axis=0)
+        tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-300)
+        offset = points[column] - line[row]
+        along = np.einsum("pi,pi->p", offset, tangent[row])
+        offset -= along[:, None] * tangent[row]
+        distance = np.sqrt(np.einsum("pi,pi->p", offset, offset))
+        residual = distance - radius
+        weight = np.maximum(1.0 - (along / half) ** 2, 0.0) ** 2 * np.maximum(1.0 - (residual / radius) ** 2, 0.0) ** 2
+        offset /= np.maximum(distance, 1e-300)[:, None]
+        normal = np.empty((count, 3, 3))
+        for i in range(3):
+            for j in range(i + 1):
+                normal[:, i, j] = normal[:, j, i] = np.bincount(row, weight * offset[:, i] * offset[:, j], count)
+        right = np.stack([np.bincount(row, weight * residual * offset[:, i], count) for i in range(3)], axis=1)
+        # Half a point at rest holds what no point does; along the line nothing is known at all.
+        normal += 0.5 * np.eye(3) + 1e3 * tangent[:, :, None] * tangent[:, None, :]
+        shift = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
+        length = np.linalg.norm(shift, axis=1, keepdims=True)
+        shift *= np.minimum(1.0, 0.5 * radius / np.maximum(length, 1e-300))
+        padded = np.concatenate([shift[:1], shift, shift[-1:]])
+        line += 0.25 * (padded[:-2] + 2.0 * shift + padded[2:])
+    return line
 
 
 def cells(points: Array, size: float) -> tuple[IntArray, Array, Array]:
@@ -124,65 +180,14 @@ def cells(points: Array, size: float) -> tuple[IntArray, Array, Array]:
         mean: (N, 3) centroid of each cell's points.
         count: (N,) how many there are.
     """
+    if len(points) == 0:
+        return np.zeros(0, dtype=np.intp), np.zeros((0, 3)), np.zeros(0)
     grid = np.floor((points - points.min(axis=0)) / size).astype(np.int64)
     shape = grid.max(axis=0) + 1
     key = (grid[:, 0] * shape[1] + grid[:, 1]) * shape[2] + grid[:, 2]
     _, of_point, count = np.unique(key, return_inverse=True, return_counts=True)
     mean = np.stack([np.bincount(of_point, points[:, i]) for i in range(3)], axis=1) / count[:, None]
     return of_point, mean, count.astype(float)
-
-
-def smallest_axes(covariance: Array) -> Array:
-    """Unit eigenvectors of the smallest eigenvalues of symmetric matrices: (N, 3, 3) -> (N, 3).
-
-    In closed form, which is five times faster than `numpy.linalg.eigh` and as good where the smallest eigenvalue is
-    apart from the others; where it is not, any vector will come out.
-    """
-    a, b, c = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 2, 2]
-    d, e, f = covariance[:, 0, 1], covariance[:, 0, 2], covariance[:, 1, 2]
-    mean = (a + b + c) / 3.0
-    ra, rb, rc = a - mean, b - mean, c - mean
-    size = np.sqrt((ra * ra + rb * rb + rc * rc + 2.0 * (d * d + e * e + f * f)) / 6.0)
-    det = ra * (rb * rc - f * f) - d * (d * rc - f * e) + e * (d * f - rb * e)
-    half = np.clip(det / np.maximum(2.0 * size**3, 1e-300), -1.0, 1.0)
-    smallest = 2.0 * size * np.cos(np.arccos(half) / 3.0 + 2.0 * np.pi / 3.0)
-    # The rows of A - lambda I span the plane across the vector: take the largest of their cross products.
-    ra, rb, rc = ra - smallest, rb - smallest, rc - smallest
-    products = np.stack(
-        [
-            np.stack([d * f - e * rb, e * d - ra * f, ra * rb - d * d], axis=1),
-            np.stack([d * rc - e * f, e * e - ra * rc, ra * f - d * e], axis=1),
-            np.stack([rb * rc - f * f, f * e - d * rc, d * f - rb * e], axis=1),
-        ],
-        axis=1,
-    )
-    squared = np.einsum("nij,nij->ni", products, products)
-    each, best = np.arange(len(covariance)), np.argmax(squared, axis=1)
-    norm = np.sqrt(squared[each, best])
-    axis: Array = products[each, best] / np.maximum(norm, 1e-300)[:, None]
-    axis[norm == 0.0] = (0.0, 0.0, 1.0)
-    return axis
-
-
-def _neighbours(tree: cKDTree, reach: float) -> csr_matrix:
-    """(N, N) ones for pairs within reach, the diagonal included."""
-    pairs = tree.query_pairs(reach, output_type="ndarray")
-    each = np.arange(tree.n)
-    rows = np.concatenate([pairs[:, 0], pairs[:, 1], each])
-    columns = np.concatenate([pairs[:, 1], pairs[:, 0], each])
-    return csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(tree.n, tree.n))
-
-
-def _pairs(points: Array, reach: float) -> IntArray:
-    """(P, 2) indices of pairs within reach, both ways, and each with itself."""
-    pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
-    each = np.arange(len(points))
-    return np.concatenate([pairs, pairs[:, ::-1], np.stack([each, each], axis=1)])
-
-
-def _distances(points: Array, pairs: IntArray) -> Array:
-    offset = points[pairs[:, 0]] - points[pairs[:, 1]]
-    return np.sqrt(np.einsum("pi,pi->p", offset, offset))
 
 
 def _moments(points: Array) -> Array:
@@ -199,25 +204,50 @@ def _covariances(sums: Array) -> Array:
     return second - mean[:, :, None] * mean[:, None, :]
 
 
+def _sums(half: IntArray, features: Array) -> Array:
+    """Sums of the rows of `features` over each point's neighbours and itself; pairs are listed once: (N, F)."""
+    count = len(features)
+    near = coo_matrix((np.ones(len(half)), (half[:, 0], half[:, 1])), shape=(count, count))
+    result: Array = near @ features + near.T @ features + features
+    return result
+
+
+def _density(position: Array, weight: Array, radius: float) -> Array:
+    """Points for each radius of length around each node."""
+    half = cKDTree(position).query_pairs(2.0 * radius, output_type="ndarray")
+    return _sums(half, weight[:, None])[:, 0] / 4.0
+
+
 def _local_centroids(points: Array, size: float, reach: float) -> Array:
     """Centroid of the points around each point, by cells of the given size whose means lie within reach."""
     of_point, mean, count = cells(points, size)
-    near = _neighbours(cKDTree(mean), reach)
-    total = near @ count
-    return ((near @ (mean * count[:, None])) / total[:, None])[of_point]
+    half = cKDTree(mean).query_pairs(reach, output_type="ndarray")
+    sums = _sums(half, np.column_stack([mean, np.ones(len(mean))]) * count[:, None])
+    return (sums[:, :3] / sums[:, 3:])[of_point]
 
 
-def _kernel(pairs: IntArray, distance: Array, reach: Array, weight: Array) -> csr_matrix:
-    """Weights (1 - (d / reach)^2)^2 of the neighbours within the reach of each node, times their number of points."""
+def _distances(points: Array, pairs: IntArray) -> Array:
+    offset = points[pairs[:, 0]] - points[pairs[:, 1]]
+    return np.sqrt(np.einsum("pi,pi->p", offset, offset))
+
+
+def _weighted_sums(features: Array, weight: Array, pairs: IntArray, distance: Array, reach: Array) -> Array:
+    """Sums with the weights (1 - (d / reach)^2)^2 of the neighbours, times their number of points; and of itself."""
     ratio = distance / reach[pairs[:, 0]]
     inside = np.flatnonzero(ratio < 1.0)
     rows, columns = pairs[inside].T
-    value = (1.0 - ratio[inside] ** 2) ** 2 * weight[columns]
-    return csr_matrix((value, (rows, columns)), shape=(len(weight), len(weight)))
+    value = (1.0 - ratio[inside] ** 2) ** 2
+    weighted = features * weight[:, None]
+    near = coo_matrix((value, (rows, columns)), shape=(len(weight), len(weight)))
+    result: Array = near @ weighted + weighted
+    return result
 
 
-def _directions(position: Array, weight: Array, pairs: IntArray, distance: Array, reach: Array) -> tuple[Array, Array]:
-    """Principal directions of the neighbourhoods, and their share of the variance."""
-    covariance = _covariances(_kernel(pairs, distance, reach, weight) @ _moments(position))
-    values, vectors = np.linalg.eigh(covariance)
-    return vectors[:, :, 2], values[:, 2] / np.maximum(values.sum(axis=1), 1e-300)
+def _directions(position: Array, weight: Array, pairs: IntArray, distance: Array, reach: Array) -> Array:
+    """Principal directions of the neighbourhoods, (N, 3)."""
+    return smallest_axes(-_covariances(_weighted_sums(_moments(position), weight, pairs, distance, reach)))
+
+
+def _local_means(position: Array, weight: Array, pairs: IntArray, distance: Array, reach: Array) -> Array:
+    sums = _weighted_sums(np.column_stack([position, np.ones(len(position))]), weight, pairs, distance, reach)
+    return sums[:, :3] / sums[:, 3:]

@@ -1,4 +1,4 @@
-"""From a raw cloud to a rough, ordered centre line, without a start point (the part of the paper's sorting walk, III.B).
+"""From a raw cloud to a rough, ordered centre line, without a start point: the part of the paper's sorting walk (III.B).
 
 The order comes from pieces that are certain (`dlogen.stages.pieces`); where it stays ambiguous, a finding says so. What
 comes out is the same for every order of the input points.
@@ -7,6 +7,7 @@ comes out is the same for every order of the input points.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -14,7 +15,7 @@ from scipy.spatial import cKDTree
 from dlogen.errors import FitError
 from dlogen.model import Array, BoolArray, Finding
 from dlogen.polyline import arc_lengths, resample
-from dlogen.stages.medial import axis_votes, contract
+from dlogen.stages.medial import axis_votes, contract, recentre
 from dlogen.stages.pieces import (
     Join,
     Piece,
@@ -29,8 +30,9 @@ from dlogen.stages.pieces import (
 )
 from dlogen.stages.scale import Scale, estimate_scale, spatial_sample
 
-#: Size of the subset that the order is found on.
+#: Size of the subset that the order is found on: at most, and for each radius of length.
 _SAMPLE = 6000
+_PER_RADIUS = 28.0
 #: Share of places where the cloud is longer than wide, below which it is no line.
 _LINE_SHARE = 0.35
 #: Shorter than this, in radii, and it is no line.
@@ -106,29 +108,36 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
             "leave only the object in the cloud: remove table, background and fixtures",
             stage="ordering",
         )
-    sample = points[spatial_sample(points, _SAMPLE)]
+    # Many points for each radius of length don't make the order surer.
+    chosen = spatial_sample(
+        points, int(np.clip(_PER_RADIUS / scale.per_radius * scale.radius / r * len(points), 1000, _SAMPLE))
+    )
+    sample = points[chosen]
     origin = 0.5 * (sample.min(axis=0) + sample.max(axis=0))
     sample = sample - origin
     thinned = len(sample) / len(points)
     per_radius = scale.per_radius * thinned * r / scale.radius
 
+    tree = cKDTree(sample)
     spacing = scale.spacing / np.sqrt(thinned)
-    votes, projected = axis_votes(sample, cKDTree(sample), r, spacing)
+    votes, projected = axis_votes(sample, tree, r, spacing)
     nodes = contract(votes, projected, r, per_radius)
     found = trace_pieces(nodes, r, per_radius)
     if not found:
         raise FitError(
             "no stretch of a line was found in the cloud", "check the radius and the units", stage="ordering"
         )
+    if radius is not None or scale.radius_reliable:
+        found = [replace(piece, points=recentre(piece.points, sample, tree, r, per_radius)) for piece in found]
     pieces = cut_at_junctions(found, r)
     joins = join_pieces(pieces, r)
     lines = [_Line.of(pieces, *chain, r) for chain in chains(len(pieces), joins)]
     longest = max(lines, key=lambda candidate: candidate.length)
     others = [other for other in lines if other is not longest]
     line = longest.canonical()
-    near = _around(sample, line.points, r, scale.noise)
+    inliers = _around(points - origin, line.points, r, scale.noise)
     findings = [
-        *_about_cloud(scale, radius, per_radius, near, line, r),
+        *_about_cloud(scale, radius, per_radius, inliers[chosen], line, r),
         *_about_rest(others, line, r, origin),
         *_about_ends(line, r, origin),
     ]
@@ -140,7 +149,7 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
         radius=r,
         pieces=tuple(part + origin for part in line.parts),
         joins=tuple(_moved(item, origin) for item in bridges),
-        inliers=_around(points - origin, line.points, r, scale.noise),
+        inliers=inliers,
         findings=tuple(findings),
     )
 
@@ -166,7 +175,7 @@ class _Line:
             densities.append(pieces[number].end_densities[::step])
         points, spans = [parts[0]], []
         count = len(parts[0])
-        for before, after in zip(parts[:-1], parts[1:], strict=True):
+        for before, after in pairwise(parts):
             fill = bridge(before[-1], end_direction(before[::-1], r), after[0], end_direction(after, r), r)
             spans.append((count - 1, count + len(fill)))
             points += [fill, after]
@@ -321,7 +330,7 @@ def _about_crossings(bridges: list[Bridge], line: _Line, r: float, origin: Array
     pairs = np.sort(pairs, axis=1)
     pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
     findings = []
-    jumps = np.flatnonzero((np.diff(pairs[:, 0]) > 3)) + 1
+    jumps = np.flatnonzero(np.diff(pairs[:, 0]) > 3) + 1
     for group in np.split(pairs, jumps):
         middle = 0.5 * (line.points[group[:, 0]] + line.points[group[:, 1]])
         place = _place(middle.mean(axis=0) + origin)

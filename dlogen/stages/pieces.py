@@ -24,7 +24,10 @@ _JUNCTION = 3.0
 #: A join that bends tighter than this, in radii, is none.
 _TIGHTEST_BEND = 1.6
 #: A gap longer than this share of everything that was seen is not bridged.
-_LONGEST_GAP = 0.4
+_LONGEST_GAP = 0.15
+#: Nor is one longer than this, in radii, whose bridge would turn by more than this, in radians.
+_BLIND = 8.0
+_BLIND_TURN = 1.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +88,7 @@ def trace_pieces(nodes: Nodes, radius: float, per_radius: float) -> list[Piece]:
         radius: of the tube, metres.
         per_radius: points for each radius of length.
     """
-    # With few points there are holes by chance: one of this length is as rare as e^-15.
-    reach = radius * float(np.clip(15.0 / per_radius, 2.0, 6.0))
-    graph = _link(nodes, radius, reach)
+    graph = _link(nodes, radius)
     alive = np.arange(len(nodes.weight))
     pieces: list[Piece] = []
     while len(alive) > 1:
@@ -110,13 +111,16 @@ def trace_pieces(nodes: Nodes, radius: float, per_radius: float) -> list[Piece]:
     return [piece for piece in pieces if piece.weight.sum() >= 6 and piece.density > 0.04 * typical]
 
 
-def _link(nodes: Nodes, radius: float, reach: float) -> csr_matrix:
+def _link(nodes: Nodes, radius: float) -> csr_matrix:
     """Graph of nodes that lie in each other's direction; the links are as long as they are in space."""
-    pairs = cKDTree(nodes.position).query_pairs(reach, output_type="ndarray")
+    # With few points there are holes by chance: one of this length is as rare as e^-15.
+    reach = radius * np.clip(15.0 / nodes.density, 2.0, 6.0)
+    pairs = cKDTree(nodes.position).query_pairs(float(reach.max()), output_type="ndarray")
     i, j = pairs.T
     offset = nodes.position[j] - nodes.position[i]
     squared = np.einsum("pi,pi->p", offset, offset)
     alike = np.abs(np.einsum("pi,pi->p", nodes.direction[i], nodes.direction[j])) > 0.75
+    alike &= squared < np.minimum(reach[i], reach[j]) ** 2
     limit = (0.5 * radius + 0.4 * np.sqrt(squared)) ** 2
     for end in (i, j):
         alike &= squared - np.einsum("pi,pi->p", offset, nodes.direction[end]) ** 2 < limit
@@ -162,7 +166,7 @@ def _near(nodes: Nodes, members: IntArray, line: Array, radius: float) -> BoolAr
 def _piece(nodes: Nodes, members: IntArray, line: Array, radius: float) -> Piece:
     """Average the members radius by radius along the path."""
     position, weight = nodes.position[members], nodes.weight[members]
-    smooth = resample(line, max(3, int(round(arc_lengths(line)[-1] / radius)) + 1))
+    smooth = resample(line, max(3, round(arc_lengths(line)[-1] / radius) + 1))
     for _ in range(2):
         smooth[1:-1] = 0.25 * (smooth[:-2] + 2.0 * smooth[1:-1] + smooth[2:])
     _, segment, parameter = distance_to_polyline(position, smooth)
@@ -172,9 +176,9 @@ def _piece(nodes: Nodes, members: IntArray, line: Array, radius: float) -> Piece
         step = smooth[end] - smooth[inner]
         ahead = (position - smooth[end]) @ step / (step @ step)
         s = np.where((s == (len(smooth) - 1 if sign > 0 else 0)) & (ahead > 0), s + sign * ahead, s)
-    low, high = s.min(), s.max()
-    bins = max(2, int(round(high - low)))
-    index = np.minimum(((s - low) / (high - low) * bins).astype(np.intp), bins - 1)
+    low, high = _extent(s, weight)
+    bins = max(2, round(high - low))
+    index = np.clip(((s - low) / (high - low) * bins).astype(np.intp), 0, bins - 1)
     total = np.bincount(index, weight, bins)
     sums = np.stack([np.bincount(index, weight * column, bins) for column in (*position.T, s)], axis=1)
     # The outermost bins are partly empty: what is too little for a mean joins the next one.
@@ -187,7 +191,7 @@ def _piece(nodes: Nodes, members: IntArray, line: Array, radius: float) -> Piece
     mean = sums[kept] / total[kept, None]
     total = total[kept]
     # Bins of few points are averaged with their neighbours; their means are uncertain by 0.7 r / sqrt(points).
-    for _ in range(int(np.clip(np.ceil(12.0 / np.median(total)) - 1, 0, 4))):
+    for _ in range(int(np.clip(np.ceil(24.0 / np.median(total)) - 1, 0, 6))):
         mean[:, :3] = _smoothed(mean[:, :3], total)
     points, at = mean[:, :3], mean[:, 3] * radius
     # The means of the outermost bins lie half a bin inside.
@@ -195,7 +199,22 @@ def _piece(nodes: Nodes, members: IntArray, line: Array, radius: float) -> Piece
         points[end] + end_direction(points[::step], radius) * max(reach, 0.0)
         for end, step, reach in ((0, 1, at[0] - low * radius), (-1, -1, high * radius - at[-1]))
     ]
-    return Piece(np.concatenate([tips[:1], points, tips[1:]]), np.concatenate([[0.0], total, [0.0]]))
+    rough = np.concatenate([tips[:1], points, tips[1:]])
+    along = arc_lengths(rough)
+    even = np.linspace(0.0, along[-1], max(3, round(along[-1] / radius) + 1))
+    counted = np.interp(even, along, np.concatenate([[0.0], np.cumsum(total) - 0.5 * total, [total.sum()]]))
+    shares = np.diff(counted)
+    weights = 0.5 * (np.append(shares, 0.0) + np.append(0.0, shares))
+    return Piece(np.stack([np.interp(even, along, column) for column in rough.T], axis=1), weights)
+
+
+def _extent(s: Array, weight: Array) -> tuple[float, float]:
+    """Where the object begins and ends, in radii: a few strays beyond its ends count for nothing."""
+    order = np.argsort(s)
+    passed = np.cumsum(weight[order])
+    few = 0.1 * passed[-1] / max(float(s.max() - s.min()), 1.0)
+    low, high = np.searchsorted(passed, (few, passed[-1] - few))
+    return float(s[order[low]]), float(s[order[min(high, len(s) - 1)]])
 
 
 def _smoothed(points: Array, weight: Array) -> Array:
@@ -308,10 +327,11 @@ def parabola(points: Array, at: float, radius: float) -> tuple[Array, Array]:
 
 
 def bending_cost(a: Array, heading_a: Array, b: Array, heading_b: Array, radius: float) -> float:
-    """Bending energy, times the radius, of the thin beam between two ends, plus a little for its length.
+    """Bending energy, times the radius, of the thin beam between two ends, plus a little for its turn and its length.
 
     A beam of length L that leaves its chord by the small angles alpha at one end and beta at the other has the energy
-    4 (alpha^2 + alpha beta + beta^2) / L (integral of the squared curvature). Infinite if it bends too tightly.
+    4 (alpha^2 + alpha beta + beta^2) / L (integral of the squared curvature), which for an arc is its turn squared over
+    its length. Infinite if it bends too tightly, or too far where nothing was seen.
 
     Args:
         a, b: (3,) the ends, metres.
@@ -325,8 +345,10 @@ def bending_cost(a: Array, heading_a: Array, b: Array, heading_b: Array, radius:
     tightest = max(float(np.linalg.norm(4 * alpha + 2 * beta)), float(np.linalg.norm(2 * alpha + 4 * beta))) / length
     if tightest * _TIGHTEST_BEND * radius > 1.0:
         return np.inf
-    energy = 4.0 * float(alpha @ alpha + alpha @ beta + beta @ beta) / length
-    return radius * energy + 0.02 * length / radius
+    turn = 2.0 * float(np.sqrt(max(alpha @ alpha + alpha @ beta + beta @ beta, 0.0)))
+    if length > _BLIND * radius and turn > _BLIND_TURN:
+        return np.inf
+    return turn**2 * radius / length + 0.05 * turn**2 + 0.02 * length / radius
 
 
 def _is_path(joins: list[tuple[int, int]]) -> bool:
@@ -395,7 +417,7 @@ def chains(count: int, joins: list[Join]) -> list[tuple[list[tuple[int, bool]], 
 def bridge(a: Array, heading_a: Array, b: Array, heading_b: Array, step: float) -> Array:
     """Points about a step apart on the cubic between two ends, the ends left out: (J, 3)."""
     length = float(np.linalg.norm(b - a))
-    count = max(int(round(length / step)), 1)
+    count = max(round(length / step), 1)
     t = (np.arange(1, count) / count)[:, None]
     points: Array = (
         (2 * t**3 - 3 * t**2 + 1) * a

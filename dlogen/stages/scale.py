@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from dlogen.errors import FitError
 from dlogen.model import Array, BoolArray, IntArray
+from dlogen.stages.symmetric import eigenvalues
 
 #: Size of the subset that is looked at.
 _SAMPLE = 4000
@@ -214,7 +215,7 @@ def _grow(around: Array, complete: bool) -> tuple[Array, Array, Array, BoolArray
         for j in range(i + 1):
             covariance[..., i, j] = covariance[..., j, i] = sums[row] - sums[i] * sums[j]
             row += 1
-    values = np.linalg.eigvalsh(covariance)
+    values = eigenvalues(covariance)
     elongated = values[..., 2] > _ELONGATION * values[..., 1]
     # A few points are elongated by chance: it must last over the next sizes, too.
     after = np.concatenate([elongated[:, 1:], np.full((len(elongated), 2), complete)], axis=1)

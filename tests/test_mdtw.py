@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import itertools
 import math
 import subprocess
 import sys
@@ -11,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from dlogen.mdtw import compare, mdtw
+from dlogen.mdtw import mdtw
 from dlogen.model import Mdtw
-from dlogen.polyline import arc_lengths
 
 coordinates = st.floats(-10, 10, allow_nan=False, width=32)
 
@@ -197,46 +195,3 @@ def test_memory_is_one_byte_per_pair() -> None:
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     unit = 1 if sys.platform == "darwin" else 1024
     assert int(out.stdout) * unit < 40e6
-
-
-def test_even_arc_length_takes_the_parameter_out() -> None:
-    # Design: one curve in two parameters is about a quarter of the sample spacing from itself; resampled it is not.
-    s = np.linspace(0, 1, 1000)
-    even = mdtw(bent(s), bent(0.8 * s + 0.2 * s**2)).mean
-    spacing = arc_lengths(bent(s))[-1] / 999
-    assert 0.15 * spacing < even < 0.35 * spacing
-    fine = np.linspace(0, 1, 20_000)
-    assert compare(bent(fine), bent(0.8 * fine + 0.2 * fine**2)).mdtw.mean < 1e-4 * spacing
-
-
-@pytest.mark.parametrize(("flip_a", "flip_b"), [*itertools.product([False, True], repeat=2)])
-def test_compare_finds_the_direction(flip_a: bool, flip_b: bool) -> None:
-    s = np.linspace(0, 1, 300)
-    a, b = helical(s), helical(s) * [1, 1, 1.1]
-    expected = compare(a, b)
-    result = compare(a[::-1] if flip_a else a, b[::-1] if flip_b else b)
-    assert result.reversed == (flip_a != flip_b)
-    assert result.mdtw.mean == pytest.approx(expected.mdtw.mean)
-    assert (result.length_a, result.length_b) == pytest.approx((expected.length_a, expected.length_b))
-    assert result.length_difference == pytest.approx(result.length_a - result.length_b)
-    assert result.length_difference < 0
-
-
-def test_compare_keeps_the_direction_when_told_to() -> None:
-    line = np.array([[0.0, 0, 0], [1, 0, 0]])
-    result = compare(line, line[::-1], 100, align_direction=False)
-    assert not result.reversed
-    assert result.mdtw.mean > 0.1
-    assert result.hausdorff == 0.0
-
-
-def test_compare_of_a_curve_with_its_own_mirror_keeps_the_direction() -> None:
-    line = np.array([[0.0, 0, 0], [1, 0, 0]])
-    assert not compare(line, np.array([[0.5, -1.0, 0], [0.5, 1, 0]])).reversed
-
-
-def test_compare_samples_both_evenly_by_the_same_count() -> None:
-    result = compare(np.array([[0.0, 0, 0], [1, 0, 0]]), np.array([[0.0, 0, 0.01], [0.9, 0, 0.01], [1, 0, 0.01]]), 250)
-    assert result.samples == 250
-    assert len(result.mdtw.path) == 250
-    assert (result.mdtw.mean, result.mdtw.max, result.hausdorff) == pytest.approx((0.01, 0.01, 0.01))

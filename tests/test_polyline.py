@@ -170,4 +170,4 @@ def test_fewer_than_two_samples_are_refused() -> None:
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_coordinates_that_are_not_finite_are_refused(value: float) -> None:
     with pytest.raises(ValueError, match="not finite"):
-        hausdorff(CORNER, CORNER * value)
+        hausdorff(CORNER, np.full((2, 3), value))

@@ -74,7 +74,7 @@ def command(
     if fail_above is not None and found["max"] > fail_above:
         raise DlogenError(
             f"the largest error is {1e3 * found['max']:.3f} mm, above the {1e3 * fail_above:.3f} mm allowed",
-            "the table above has the place" if not as_json else "error over s in the JSON has the place",
+            "the output says where along A; --samples and --keep-direction change what is compared",
         )
 
 

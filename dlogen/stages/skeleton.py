@@ -31,19 +31,19 @@ def choose_beta(basis: Basis, points: Array, s: Array) -> float:
 
     Args:
         basis: N basis functions.
-        points: (M, 3) sorted points.
+        points: (M, 3) sorted points, metres, as they will be fitted: the ridge, and so the best beta, depends on
+            where the origin is.
         s: (M,) their coordinates in [0, 1].
     """
-    y = points - points.mean(axis=0)
     phi = basis(s)
     # In the eigenvectors of Phi^T Phi the residuals for every beta come at once.
     values, vectors = np.linalg.eigh(phi.T @ phi)
     values = np.maximum(values, 0.0)
-    energy = np.sum((vectors.T @ (phi.T @ y)) ** 2, axis=1)
+    energy = np.sum((vectors.T @ (phi.T @ points)) ** 2, axis=1)
     shrink = values / (values + _BETAS[:, None])
     explained = ((2.0 - shrink) / (values + _BETAS[:, None])) @ energy
-    residual = np.maximum(float(np.sum(y**2)) - explained, 0.0)
-    freedom = np.maximum(len(y) - shrink.sum(axis=1), 1.0)
+    residual = np.maximum(float(np.sum(points**2)) - explained, 0.0)
+    freedom = np.maximum(len(points) - shrink.sum(axis=1), 1.0)
     return float(_BETAS[np.argmin(residual / freedom**2)])
 
 

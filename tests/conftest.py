@@ -20,6 +20,7 @@ from dlogen.stages.joints import place_joints
 from dlogen.stages.projection import project
 from dlogen.stages.residual import foot_points, tube_residual
 from dlogen.stages.skeleton import fit_skeleton
+from dlogen.stages.sorting import sort_points
 from dlogen.synthetic import CentreLine, SyntheticCloud, centre_line, random_centre_line, sample_tube
 
 Array = np.ndarray
@@ -35,6 +36,9 @@ class CurveBasis:
 
     def __call__(self, s: Array, derivative: int = 0) -> Array:
         return self.curve(np.asarray(s, dtype=float), derivative)
+
+    def combine(self, s: Array, weights: Array, derivative: int = 0) -> Array:
+        return self(s, derivative) @ weights
 
     def to_dict(self) -> dict[str, Any]:
         return {"kind": "curve"}

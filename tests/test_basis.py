@@ -41,6 +41,14 @@ def test_shapes_and_unknown_derivatives(basis) -> None:
         basis(np.array([0.5]), 4)
 
 
+@pytest.mark.parametrize("basis", BASES, ids=repr)
+@pytest.mark.parametrize("derivative", range(4))
+def test_combine_is_the_weighted_sum(basis, derivative: int) -> None:
+    s = np.linspace(0, 1, 23)
+    weights = np.random.default_rng(0).normal(size=(basis.size, 3))
+    assert basis.combine(s, weights, derivative) == pytest.approx(basis(s, derivative) @ weights, rel=1e-12, abs=1e-9)
+
+
 def test_cubic_b_splines_are_those_of_scipy() -> None:
     from scipy.interpolate import BSpline
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dlogen.errors import InputError
-from dlogen.model import Array, IntArray
+from dlogen.model import Array, BoolArray, IntArray
 
 Bytes = npt.NDArray[np.uint8]
 #: Where a number of each row stands in binary data: the first byte and the stride, or the first byte of each.
@@ -37,7 +37,7 @@ def locate(names: Sequence[str]) -> tuple[list[int], list[int] | None]:
     missing = [name for name, index in zip("xyz", points, strict=True) if index is None]
     if missing:
         raise InputError(
-            f"the points have no {' and no '.join(missing)} coordinate, only: {shorten(' '.join(names))}",
+            f"the points have no {' and no '.join(missing)} coordinate (fields: {shorten(' '.join(names)) or 'none'})",
             "dlogen needs points in space, with fields called x, y and z",
         )
     for triple in _NORMALS:
@@ -207,7 +207,7 @@ def _numbers(text: bytes, first: IntArray, row: int, what: str) -> Array:
             row += int(np.searchsorted(first, index, side="right"))
             raise InputError(
                 f"row {row} of the {what}: {shorten(token.decode('latin-1'))!r} is not a number",
-                "numbers have a decimal point and are set apart by blanks: export the file again",
+                "the file is cut off, or does not write numbers like -1.5e-3 with blanks between: export it again",
             )
     raise InputError(f"the rows of the {what} are not text", CUT_OFF)
 
@@ -222,24 +222,23 @@ def _parse(text: bytes) -> Array | None:
             return None
 
 
-def refuse_rows(wrong: IntArray, first: IntArray, row: int, width: int, what: str) -> None:
+def refuse_rows(wrong: BoolArray, first: IntArray, row: int, what: str, expected: str) -> None:
     """Refuse rows with too few or too many numbers.
 
     Args:
-        wrong: indices of such rows in the block.
-        first: (k + 1,) the number that each row of the block starts with.
+        wrong: (k,) whether each row of a block is such a row.
+        first: (k + 1,) the number that each row of the block starts with, and the end.
         row: rows before this block.
-        width: how many numbers a row has to have (at least, where rows have lists).
         what: what the rows are.
+        expected: how many numbers they should have, for the message.
 
     Raises:
-        InputError: `wrong` is not empty.
+        InputError: some are wrong.
     """
-    if len(wrong):
-        has = int(first[wrong[0] + 1] - first[wrong[0]])
-        raise InputError(
-            f"row {row + int(wrong[0]) + 1} of the {what} has {has} numbers, the header says {width}", CUT_OFF
-        )
+    if wrong.any():
+        index = int(wrong.argmax())
+        count = first[index + 1] - first[index]
+        raise InputError(f"row {row + index + 1} of the {what} has {count} numbers, not {expected}", CUT_OFF)
 
 
 def smallest_type(values: Array) -> str:

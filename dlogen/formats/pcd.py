@@ -282,7 +282,7 @@ def _read_text(stream: BinaryIO, header: _Header, columns: dict[int, str], avail
     rows = TextRows(stream)
     done = 0
     for values, first in rows.take(header.points, "points"):
-        refuse_rows(np.flatnonzero(np.diff(first) != width), first, done, width, "points")
+        refuse_rows(np.diff(first) != width, first, done, "points", str(width))
         table[done : done + len(first) - 1] = values.reshape(-1, width)[:, places]
         done += len(first) - 1
     if done < header.points:

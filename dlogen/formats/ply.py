@@ -69,7 +69,9 @@ class _Element:
     @property
     def what(self) -> str:
         """The rows, in messages."""
-        return "points" if self.name == "vertex" else f"rows of the element {self.name!r}"
+        from dlogen.records import shorten
+
+        return "points" if self.name == "vertex" else f"{shorten(self.name)!r} rows"
 
     @property
     def names(self) -> list[str]:
@@ -296,15 +298,19 @@ def _camera(header: _Header) -> int | None:
 
 
 def _pose(camera: Array) -> Array | None:
-    """(12,) position and axes -> (7,) position and unit quaternion w x y z; None where it is no pose."""
+    """(12,) position and axes -> (7,) position and unit quaternion w x y z, upright where the axes are no rotation."""
     import numpy as np
 
-    if not np.isfinite(camera).all():
+    if not np.isfinite(camera[:3]).all():
         return None
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = camera[3:].reshape(3, 3)
+    axes = camera[3:].reshape(3, 3)
+    with np.errstate(all="ignore"):
+        is_rotation = np.allclose(axes @ axes.T, np.eye(3), atol=1e-3) and np.linalg.det(axes) > 0.0
+    if not is_rotation:
+        return np.concatenate([camera[:3], [1.0, 0.0, 0.0, 0.0]])
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = axes
     # The quaternion is the eigenvector of the largest eigenvalue (Bar-Itzhack, "New method for extracting the
-    # quaternion from a rotation matrix", 2000): right for every angle, and the nearest where the matrix is not quite
-    # a rotation.
+    # quaternion from a rotation matrix", 2000): right for every angle.
     matrix = np.array(
         [
             [xx + yy + zz, zy - yz, xz - zx, yx - xy],
@@ -363,22 +369,22 @@ def _text_columns(element: _Element, columns: list[int], values: Array, first: I
 
     width = len(element.properties)
     if not element.has_lists:
-        refuse_rows(np.flatnonzero(np.diff(first) != width), first, row, width, element.what)
+        refuse_rows(np.diff(first) != width, first, row, element.what, str(width))
         return values.reshape(-1, width)[:, columns]
     # Step through the properties, all rows at once: `at` is the number that each row has come to.
     at, end = first[:-1], first[1:]
     out = np.empty((len(at), len(columns)))
     for index, item in enumerate(element.properties):
-        refuse_rows(np.flatnonzero(at >= end), first, row, width, element.what)
+        refuse_rows(at >= end, first, row, element.what, "as many as its lists need")
         if index in columns:
             out[:, columns.index(index)] = values[at]
         at = at + 1
         if item.count:
             counts = values[at - 1]
             fits = (counts >= 0) & (counts <= end - at) & (counts == np.floor(counts))
-            refuse_rows(np.flatnonzero(~fits), first, row, width, element.what)
+            refuse_rows(~fits, first, row, element.what, "as many as its lists need")
             at = at + counts.astype(np.intp)
-    refuse_rows(np.flatnonzero(at != end), first, row, width, element.what)
+    refuse_rows(at != end, first, row, element.what, "as many as its lists need")
     return out
 
 

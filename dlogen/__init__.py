@@ -21,7 +21,8 @@ _PUBLIC = {
     "load_config": "dlogen.config",
     "read_cloud": "dlogen.clouds",
     "write_cloud": "dlogen.clouds",
-    "mdtw": "dlogen.mdtw",
+    "load_curve": "dlogen.curves",
+    "compare": "dlogen.curves",
     "DlogenError": "dlogen.errors",
 }
 

@@ -551,3 +551,14 @@ def test_compare_does_not_depend_on_how_often_a_curve_was_sampled(result: Result
     assert often["hausdorff"] == pytest.approx(once["hausdorff"], rel=1e-3)
     # The chain was made not to leave the skeleton line by more than e_max, half the radius here.
     assert 0.5 * result.e_max < once["hausdorff"] <= result.e_max
+
+
+def test_the_public_names_are_the_functions() -> None:
+    # A public name that is a module's as well would turn into the module when that is imported.
+    import dlogen
+
+    for name in dlogen.__all__:
+        if name != "__version__":
+            assert callable(getattr(dlogen, name)) and callable(getattr(dlogen, name)), name
+    assert dlogen.compare(HOOK, HOOK)["max"] == 0.0
+    assert dlogen.load_curve is load_curve

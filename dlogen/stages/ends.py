@@ -12,6 +12,9 @@ from dlogen.model import Array
 #: ones know nothing of it, and the density may change on the way.
 _WINDOW, _REACH = 150, 15.0
 
+#: The least share of points that belong to something else, such as a strand beside the end.
+_STRAY = 0.02
+
 #: Places that are tried for an edge.
 _EDGES = 64
 
@@ -95,10 +98,8 @@ def _upper_edge(s: Array, sigma: float, background: float) -> End:
     count, span = len(s), max(float(s[-1]) - start, 1e-12)
     spacing = span / count
     low, high = float(s[-1]) - 6.0 * sigma - 10.0 * spacing, float(s[-1]) + sigma + 12.0 * spacing
-    if background > 0.0:
-        low = float(s[-1]) - 0.5 * span
-    low = max(low, start + spacing)
-    share = min(background * span / count, 0.5)
+    low = max(min(low, float(s[-1]) - 0.5 * span), start + spacing)
+    share = float(np.clip(background * span / count, _STRAY, 0.5))
     for _ in range(3):
         edges = np.linspace(low, high, _EDGES)
         log_likelihood = _log_likelihood(s, start, edges, sigma, share)

@@ -14,25 +14,32 @@ import numpy.typing as npt
 
 from dlogen.basis import CubicBSpline
 from dlogen.errors import FitError
-from dlogen.model import Array, BoolArray, Finding, Skeleton
+from dlogen.model import Array, BoolArray, Finding, IntArray, Skeleton
 from dlogen.stages.curvature import max_curvature
 from dlogen.stages.ends import find_ends, find_gaps
 from dlogen.stages.scale import spatial_sample
 from dlogen.stages.tube_curve import TubeCurve, arc_table, from_polyline, reparametrised
-from dlogen.stages.tube_fit import Tube, all_points, gauss_newton
+from dlogen.stages.tube_fit import LEAST_FLOOR, Tube, all_points, gauss_newton
 
 #: Knot spacing over the radius, while the points near the curve are looked for and in the end. A cubic spline with
 #: knots 1.25 radii apart follows a bend of 3 radii to about 1e-3 radii.
 _COARSE, _FINE = 3.0, 1.25
 
-#: The fewest and the most intervals of the fit, and the points that each of them needs.
-_FEWEST_INTERVALS, _MOST_INTERVALS, _POINTS_PER_INTERVAL = 6, 256, 12
+#: The fewest and the most intervals (at first, and of the fit), and the points that each of them needs.
+_FEWEST_INTERVALS, _ROUGH_INTERVALS, _MOST_INTERVALS, _POINTS_PER_INTERVAL = 6, 96, 256, 12
 
 #: Rounds of searching for the points near the curve, and for its ends: each gets a radius farther.
 _ROUNDS = 6
 
-#: Points of the fit proper. Larger clouds are fitted by a subset of this size first.
-_SUBSET = 8000
+#: Points at an end that tell how densely they lie there.
+_FEW = 10
+
+#: Points that the backbone is brought to the axis with, and points of the fit proper; larger clouds are fitted by
+#: subsets of these sizes first.
+_ROUGH_POINTS, _FINE_POINTS = 2000, 8000
+
+#: Knot spacing over the length below which the smoothing leaves nothing.
+_KNOTS = 0.8
 
 #: Noise over radius beyond which the direction from the axis to a point means little.
 _SOLID = 0.5
@@ -114,54 +121,98 @@ def refine(points: npt.ArrayLike, backbone: npt.ArrayLike, radius: float, *, fix
     if not radius > 0.0:
         raise FitError(f"a radius of {radius:g} m makes no tube", "give r in metres", stage="refine")
     origin = backbone.mean(axis=0)
-    few = len(points) <= _SUBSET
-    columns = np.ascontiguousarray(((points if few else points[spatial_sample(points, _SUBSET)]) - origin).T)
-    tube = _fit(columns, backbone - origin, radius, fixed_radius)
+    near = points - origin
+    rough = _rough(_columns(_some(near, _ROUGH_POINTS)), backbone - origin, radius)
+    few = len(points) <= _FINE_POINTS
+    columns = _columns(near if few else _some(near, _FINE_POINTS))
+    tube = _fine(columns, rough, fixed_radius)
     if not few:
-        columns = np.ascontiguousarray((points - origin).T)
+        columns = _columns(near)
     steps = 0 if few or tube.sigma > _SOLID * tube.radius else 2
     tube = all_points(columns, tube, free_radius=not fixed_radius, steps=steps)
     return _result(tube, origin, fixed_radius)
 
 
-def _fit(points: Array, backbone: Array, radius: float, fixed_radius: bool) -> Tube:
-    """The tube from nothing but a backbone: (3, M) points, (K, 3) vertices."""
+def _some(points: Array, count: int) -> Array:
+    """At most `count` of the points, the same ones in whatever order they come."""
+    return points if len(points) <= count else points[spatial_sample(points, count)]
+
+
+def _columns(points: Array) -> Array:
+    return np.ascontiguousarray(points.T)
+
+
+def _rough(points: Array, backbone: Array, radius: float) -> Tube:
+    """Bring the backbone to the axis and follow it to the ends: (3, M) points, (K, 3) vertices."""
     nothing = np.zeros(points.shape[1])
-    curve = from_polyline(backbone, _COARSE * radius, radius, 1.0)
-    tube = Tube(curve, radius, 0.1 * radius, nothing, nothing)
+    tube = Tube(from_polyline(backbone, _COARSE * radius, radius, 1.0), radius, 0.1 * radius, nothing, nothing)
     for step in range(_ROUNDS):
-        tube = gauss_newton(points, tube, free_radius=False, steps=1, floor=0.1, search=True)
-        length = tube.curve.length
-        grown = _on_support(tube, 1.0, _COARSE)
-        if step >= 2 and grown.curve.length < length + 0.5 * radius:
+        tube = gauss_newton(points, tube, free_radius=False, steps=1, floor=0.1, search=step % 2 == 0)
+        grown = _on_support(tube, 1.0, _COARSE * radius, _ROUGH_INTERVALS)
+        if step >= 2 and grown.curve.length < tube.curve.length + 0.5 * radius:
             break
         tube = grown
-    tube = _on_support(tube, 0.5, _FINE)
+    return _on_support(tube, 0.7, _knot_spacing(tube), _MOST_INTERVALS)
+
+
+def _fine(points: Array, tube: Tube, fixed_radius: bool) -> Tube:
+    """The tube that fits best, from one that is nearly right: (3, M) points."""
     first = gauss_newton(points, tube, free_radius=not fixed_radius, steps=2, floor=0.02, search=True)
     if first.sigma > _SOLID * first.radius:
-        return gauss_newton(points, tube, free_radius=False, steps=8, floor=0.0, solid=True)
-    tube = _on_support(first, 0.5, _FINE)
-    return gauss_newton(points, tube, free_radius=not fixed_radius, steps=6, floor=5e-4)
+        return gauss_newton(points, tube, free_radius=False, steps=8, floor=0.0, search=True, solid=True)
+    tube = _on_support(first, 0.7, _knot_spacing(first), _MOST_INTERVALS)
+    return gauss_newton(points, tube, free_radius=not fixed_radius, steps=6, floor=LEAST_FLOOR)
 
 
-def _on_support(tube: Tube, margin: float, spacing: float) -> Tube:
-    """The curve cut or extended to where the points are and `margin` radii beyond, with knots `spacing` radii apart."""
+def _knot_spacing(tube: Tube) -> float:
+    """Distance of the knots that a tube needs, metres: not less than 1.25 radii."""
+    # What is shorter than the smoothing leaves over needs no knots of its own.
+    density = 0.5 * np.count_nonzero(tube.on_curve) / tube.curve.length
+    left_over = (tube.smoothing / density) ** (1.0 / 6.0) if tube.smoothing else 0.0
+    enough = 0.7 * _sufficient_spacing(tube.curve, tube.radius)
+    return max(_FINE * tube.radius, _KNOTS * left_over, min(enough, _COARSE * tube.radius))
+
+
+def _sufficient_spacing(curve: TubeCurve, radius: float) -> float:
+    """Distance of knots with which a spline follows a curve, metres."""
+    # With knots H apart a cubic spline is off by about D H^4 / 384, and its second derivative by D H^2 / 12, where D
+    # is the fourth derivative; that shows in the fourth differences of the coefficients.
+    fourth = float(np.linalg.norm(np.diff(curve.coefficients, 4, axis=0), axis=1).max()) / curve.step**4
+    fourth = max(fourth, 1e-12 / radius**3)
+    bend = float(curve.curvature(np.array([0.5])).max())
+    return min((384.0 * _DEVIATION * radius / fourth) ** 0.25, (12.0 * _BEND_DEVIATION * bend / fourth) ** 0.5)
+
+
+def _on_support(tube: Tube, margin: float, spacing: float, most: int) -> Tube:
+    """The curve cut or extended to where the points are and `margin` radii beyond, with knots `spacing` apart."""
     curve, radius = tube.curve, tube.radius
     inlier = (np.abs(tube.residual) < max(3.0 * tube.sigma, 0.2 * radius)) & tube.on_curve
     s = tube.x[inlier] * curve.step
     if len(s) < 2:
         raise FitError("hardly any points near the backbone", "check r and units", stage="refine")
     bins = max(10, min(int(curve.length / radius), len(s) // 15))
-    counts, edges = np.histogram(s, bins, (0.0, curve.length))
-    full = np.flatnonzero(counts >= max(3.0, 0.05 * np.median(counts[counts > 0])))
-    if len(full):
-        s = s[(s >= edges[full[0]]) & (s <= edges[full[-1] + 1])]
-    low, high = s.min() - margin * radius, s.max() + margin * radius
-    most = max(_FEWEST_INTERVALS, min(_MOST_INTERVALS, len(s) // _POINTS_PER_INTERVAL))
-    intervals = int(np.clip(round((high - low) / (spacing * radius)), _FEWEST_INTERVALS, most))
+    counts = np.bincount(np.minimum((s * (bins / curve.length)).astype(np.intp), bins - 1), minlength=bins)
+    low, high = (place * curve.length / bins for place in (_first_full(counts), bins - _first_full(counts[::-1])))
+    s = np.sort(s[(s >= low) & (s <= high)])
+    # Where points are sparse, the last one may be farther from the end.
+    few = min(_FEW, len(s) - 1)
+    reach = 8.0 * np.array([s[few] - s[0], s[-1] - s[-1 - few]]) / few
+    before, after = np.clip(reach, margin * radius, 3.0 * radius).tolist()
+    low, high = max(low, float(s[0]) - radius) - before, min(high, float(s[-1]) + radius) + after
+    most = max(_FEWEST_INTERVALS, min(most, len(s) // _POINTS_PER_INTERVAL))
+    intervals = int(np.clip(round((high - low) / spacing), _FEWEST_INTERVALS, most))
     moved = reparametrised(curve, intervals, low, high)
     x = np.clip((tube.x * curve.step - low) / moved.step, 0.0, float(intervals))
-    return Tube(moved, radius, tube.sigma, x, tube.distance)
+    return Tube(moved, radius, tube.sigma, x, tube.distance, tube.smoothing)
+
+
+def _first_full(counts: IntArray) -> int:
+    """The first bin that is no sliver of something else: a quarter as full as the ten after it usually are."""
+    for i in range(len(counts)):
+        inner = counts[i + 1 : i + 11]
+        if counts[i] >= 3 and counts[i] >= 0.25 * np.median(inner[inner > 0]) if (inner > 0).any() else False:
+            return i
+    return 0
 
 
 def _result(tube: Tube, origin: Array, fixed_radius: bool) -> Refined:
@@ -170,7 +221,7 @@ def _result(tube: Tube, origin: Array, fixed_radius: bool) -> Refined:
     scale = max(sigma, _INLIER_FLOOR / _INLIER * radius)
     deviation = np.abs(tube.residual) / scale
     inlier = (deviation < _INLIER) & tube.on_curve
-    grid, arc = arc_table(curve)
+    grid, arc, _ = arc_table(curve)
     s = np.interp(tube.x, grid, arc)
     first, last = find_ends(s[inlier], deviation[tube.on_curve], sigma)
     start, end = first.position, last.position
@@ -209,17 +260,12 @@ def _result(tube: Tube, origin: Array, fixed_radius: bool) -> Refined:
 
 def _skeleton(curve: TubeCurve, start: float, end: float, radius: float, origin: Array) -> Skeleton:
     """The curve between two arc lengths as basis functions of s in [0, 1], with as few of them as follow it."""
-    # With knots H apart a cubic spline is off by about D H^4 / 384, and its second derivative by D H^2 / 12, where D
-    # is the fourth derivative; that shows in the fourth differences of the coefficients.
-    fourth = float(np.linalg.norm(np.diff(curve.coefficients, 4, axis=0), axis=1).max()) / curve.step**4
-    fourth = max(fourth, 1e-12 / radius**3)
-    bend = float(curve.curvature(np.arange(curve.intervals) + 0.5).max())
-    spacing = min((384.0 * _DEVIATION * radius / fourth) ** 0.25, (12.0 * _BEND_DEVIATION * bend / fourth) ** 0.5)
+    spacing = _sufficient_spacing(curve, radius)
     most = 2 * curve.intervals
     intervals = int(np.clip(np.ceil((end - start) / max(spacing, 0.5 * curve.step)), 4, most))
     while True:
         moved = reparametrised(curve, intervals, start, end)
-        grid, arc = arc_table(moved)
+        grid, arc, _ = arc_table(moved)
         uneven = float(np.abs(arc / arc[-1] - grid / grid[-1]).max())
         if uneven < _UNEVEN or intervals >= most:
             break

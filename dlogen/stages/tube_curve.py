@@ -17,6 +17,18 @@ _MONOMIALS = (
     np.array([[1.0, 4.0, 1.0, 0.0], [-3.0, 0.0, 3.0, 0.0], [3.0, -6.0, 3.0, 0.0], [-1.0, 3.0, -3.0, 1.0]]) / 6.0
 )
 
+#: Third differences of the coefficients are the third derivative with respect to x.
+THIRD_DIFFERENCE = np.array([-1.0, 3.0, -3.0, 1.0])
+
+#: Where a curve is sampled within every interval when another one is put through it.
+_SAMPLES = 6
+
+#: Cells of the table of arc lengths in every interval.
+_CELLS = 4
+
+#: Speeds that differ less than this are left alone.
+_UNEVEN = 1e-3
+
 
 @dataclass(frozen=True, eq=False)
 class TubeCurve:
@@ -54,33 +66,46 @@ class TubeCurve:
         return self.at(k, x - k, derivative).T
 
     def at(self, k: IntArray, t: Array, derivative: int = 0) -> Array:
-        """The same at places t of intervals k, as columns: (K,) -> (3, K)."""
-        a = self.pieces[:, :, k]
+        """The same at places t of intervals k, as columns: (K,), (K,) -> (3, K)."""
+        a = np.take(self.pieces, k, axis=2)
         if derivative == 0:
             return ((a[3] * t + a[2]) * t + a[1]) * t + a[0]
         if derivative == 1:
             return ((3.0 * a[3] * t + 2.0 * a[2]) * t + a[1]) / self.step
-        if derivative == 2:
-            return (6.0 * a[3] * t + 2.0 * a[2]) / self.step**2
-        raise ValueError(f"derivative {derivative} is not available")
+        return (6.0 * a[3] * t + 2.0 * a[2]) / self.step**2
 
-    def curvature(self, x: npt.ArrayLike) -> Array:
-        """|f' x f''| / |f'|^3 (paper Eq. 16): (K,), 1/m."""
-        first, second = self(x, 1), self(x, 2)
-        bend = np.linalg.norm(np.cross(first, second), axis=1)
-        result: Array = bend / np.maximum(np.linalg.norm(first, axis=1), 1e-9) ** 3
-        return result
+    def everywhere(self, places: Array, derivative: int = 0) -> Array:
+        """The same at the same places t of all intervals, in order: (P,) -> (3, n P)."""
+        powers = np.zeros((len(places), 4))
+        powers[:, 0] = derivative == 0
+        for p in range(1, 4):
+            factor = (p, p * (p - 1))[derivative - 1] if derivative else 1
+            powers[:, p] = factor * places ** max(p - derivative, 0)
+        values = np.tensordot(powers, self.pieces, axes=1) / self.step**derivative
+        return values.transpose(1, 2, 0).reshape(3, -1)
+
+    def curvature(self, places: Array) -> Array:
+        """|f' x f''| / |f'|^3 (paper Eq. 16) at places t of all intervals, 1/m: (P,) -> (n P,)."""
+        first, second = self.everywhere(places, 1), self.everywhere(places, 2)
+        bend = np.cross(first, second, axis=0)
+        return np.sqrt(dot(bend, bend)) / np.maximum(np.sqrt(dot(first, first)), 1e-9) ** 3
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Scalar products of columns: (3, M), (3, M) -> (M,)."""
+    result = a[0] * b[0]
+    result += a[1] * b[1]
+    result += a[2] * b[2]
+    return result
 
 
 def spline_values(t: Array) -> Array:
     """The four B-splines that are not zero at t in [0, 1] of an interval: (K,) -> (4, K)."""
     u = 1.0 - t
     t2, u2 = t * t, u * u
-    return np.stack([u2 * u, (3.0 * t - 6.0) * t2 + 4.0, (3.0 * u - 6.0) * u2 + 4.0, t2 * t]) / 6.0
-
-
-#: Where a curve is sampled within every interval when another one is put through it.
-_SAMPLES = 6
+    values = np.stack([u2 * u, (3.0 * t - 6.0) * t2 + 4.0, (3.0 * u - 6.0) * u2 + 4.0, t2 * t])
+    values /= 6.0
+    return values
 
 
 @lru_cache(maxsize=32)
@@ -94,10 +119,7 @@ def _interpolator(intervals: int, smoothing: float) -> tuple[Array, IntArray, Ar
     for d in range(4):
         for q in range(4 - d):
             band[d] += np.bincount(k + q, values[q] * values[q + d], minlength=size)
-    difference = np.array([-1.0, 3.0, -3.0, 1.0])
-    for d in range(4):
-        for q in range(4 - d):
-            band[d, q : q + intervals] += smoothing * difference[q] * difference[q + d]
+            band[d, q : q + intervals] += smoothing * THIRD_DIFFERENCE[q] * THIRD_DIFFERENCE[q + d]
     factor, info = dpbtrf(band, lower=1)
     if info:
         raise np.linalg.LinAlgError("the interpolation matrix is not positive definite")
@@ -108,7 +130,7 @@ def through(samples: Array, intervals: int, step: float, smoothing: float = 0.0)
     """The curve with n intervals closest to 6 n + 1 samples that are even in its parameter.
 
     Args:
-        samples: (6 n + 1, 3), metres.
+        samples: (3, 6 n + 1), metres.
         intervals: n.
         step: arc length of an interval, metres.
         smoothing: weight of the third differences of the coefficients.
@@ -116,18 +138,36 @@ def through(samples: Array, intervals: int, step: float, smoothing: float = 0.0)
     factor, k, values = _interpolator(intervals, smoothing)
     right = np.empty((intervals + 3, 3))
     for c in range(3):
-        right[:, c] = sum(np.bincount(k + q, values[q] * samples[:, c], minlength=intervals + 3) for q in range(4))
+        right[:, c] = sum(np.bincount(k + q, values[q] * samples[c], minlength=intervals + 3) for q in range(4))
     return TubeCurve(dpbtrs(factor, right, lower=1)[0], step)
 
 
-def arc_table(curve: TubeCurve) -> tuple[Array, Array]:
-    """x at 4 places per interval and the arc length from x = 0 there (Gauss-Legendre, 3 points each)."""
-    grid = np.linspace(0.0, curve.intervals, 4 * curve.intervals + 1)
-    node = np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
-    weight = np.array([5.0, 8.0, 5.0]) / 18.0
-    x = (grid[:-1, None] + (0.5 + 0.5 * node) * 0.25).ravel()
-    speed = np.linalg.norm(curve(x, 1), axis=1).reshape(-1, 3)
-    return grid, np.concatenate([[0.0], np.cumsum(speed @ weight * (0.25 * curve.step))])
+def arc_table(curve: TubeCurve) -> tuple[Array, Array, Array]:
+    """Arc length at 4 places per interval, by Simpson's rule.
+
+    Returns:
+        x (4 n + 1,), the arc length from x = 0 there, metres, and the speed |df/dx| there, metres.
+    """
+    places = np.arange(2 * _CELLS) / (2 * _CELLS)
+    first = curve.everywhere(places, 1)
+    last = curve(np.array([curve.intervals]), 1).T
+    speed = np.sqrt(np.append(dot(first, first), dot(last, last))) * curve.step
+    ends = speed[::2]
+    cells = (ends[:-1] + 4.0 * speed[1::2] + ends[1:]) / (6.0 * _CELLS)
+    grid = np.arange(len(ends)) / _CELLS
+    return grid, np.concatenate([[0.0], np.cumsum(cells)]), ends
+
+
+def _inverse(grid: Array, length: Array, speed: Array, at: Array) -> Array:
+    """x at given arc lengths, by cubic Hermite interpolation of the table."""
+    k = np.clip(np.searchsorted(length, at, side="right") - 1, 0, len(grid) - 2)
+    h = np.maximum(length[k + 1] - length[k], 1e-300)
+    t = (at - length[k]) / h
+    slope = h / np.maximum(speed, 1e-9 * float(speed.max()))[np.stack([k, k + 1])]
+    u = 1.0 - t
+    x = grid[k] + t * t * (3.0 - 2.0 * t) / _CELLS + t * u * (u * slope[0] - t * slope[1])
+    # A cusp can make the cubic leave its cell.
+    return np.clip(x, grid[k], grid[k + 1])
 
 
 def reparametrised(
@@ -140,42 +180,32 @@ def reparametrised(
         intervals: number of intervals; the curve's own by default.
         start, end: arc length, from the old start, of the new ends; beyond the old ones the curve goes on straight.
     """
-    grid, length = arc_table(curve)
+    grid, length, speed = arc_table(curve)
     end = float(length[-1]) if end is None else end
     intervals = intervals or curve.intervals
     at = np.linspace(start, end, intervals * _SAMPLES + 1)
     inside = np.clip(at, 0.0, length[-1])
-    samples = curve(_inverse(curve, grid, length, inside))
+    samples = curve(_inverse(grid, length, speed, inside)).T
     if start < 0.0 or end > length[-1]:
         tangent = curve(np.array([0.0, curve.intervals]), 1)
         tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-        beyond = (at - inside)[:, None]
-        samples += np.where(beyond < 0.0, tangent[0], tangent[1]) * beyond
+        beyond = at - inside
+        samples += np.where(beyond < 0.0, tangent[0][:, None], tangent[1][:, None]) * beyond
     return through(samples, intervals, (end - start) / intervals)
 
 
 def evened(curve: TubeCurve) -> TubeCurve:
     """The curve by arc length, if its speed has come to differ; else the curve itself."""
-    speed = np.linalg.norm(curve(np.arange(curve.intervals) + 0.5, 1), axis=1)
-    return reparametrised(curve) if np.abs(speed - 1.0).max() > 1e-3 else curve
-
-
-def _inverse(curve: TubeCurve, grid: Array, length: Array, at: Array) -> Array:
-    """x at given arc lengths: linear in the table, then a Newton step with the speed."""
-    x = np.interp(at, length, grid)
-    k = np.minimum((x * 4.0).astype(np.intp), len(grid) - 2)
-    t = x - grid[k]
-    # Simpson's rule from the table's place to x gives the arc length there to fourth order.
-    ends = [np.linalg.norm(curve(grid[k] + f * t, 1), axis=1) for f in (0.0, 0.5, 1.0)]
-    here = length[k] + (ends[0] + 4.0 * ends[1] + ends[2]) * (t * curve.step / 6.0)
-    return np.clip(x - (here - at) / (np.maximum(ends[2], 1e-9) * curve.step), 0.0, curve.intervals)
+    first = curve.everywhere(np.array([0.5]), 1)
+    uneven = float(np.abs(dot(first, first) - 1.0).max())
+    return reparametrised(curve) if uneven > 2.0 * _UNEVEN else curve
 
 
 def from_polyline(points: Array, spacing: float, extension: float, smoothing: float) -> TubeCurve:
     """A smooth curve near a polyline, with straight extensions at both ends.
 
     Args:
-        points: (K, 3) vertices in order, metres.
+        points: (K, 3) vertices in order, not all in one place, metres.
         spacing: wanted length of an interval, metres.
         extension: length added at either end, metres.
         smoothing: weight of the third differences.
@@ -185,7 +215,7 @@ def from_polyline(points: Array, spacing: float, extension: float, smoothing: fl
     length = np.concatenate([[0.0], np.cumsum(steps[steps > 0.0])])
     intervals = max(4, round(length[-1] / spacing))
     at = np.linspace(0.0, length[-1], intervals * _SAMPLES + 1)
-    samples = np.stack([np.interp(at, length, points[:, c]) for c in range(3)], axis=1)
+    samples = np.stack([np.interp(at, length, points[:, c]) for c in range(3)])
     curve = through(samples, intervals, float(length[-1]) / intervals, smoothing)
     total = float(arc_table(curve)[1][-1])
     return reparametrised(curve, max(4, round((total + 2.0 * extension) / spacing)), -extension, total + extension)
@@ -194,8 +224,10 @@ def from_polyline(points: Array, spacing: float, extension: float, smoothing: fl
 def nearest(curve: TubeCurve, points: Array, spacing: float) -> Array:
     """Foot parameter of the nearest of samples at most `spacing` apart: (3, M) -> (M,)."""
     per_interval = max(1, int(np.ceil(curve.step / spacing)))
-    x = np.linspace(0.0, curve.intervals, per_interval * curve.intervals + 1)
-    return x[cKDTree(curve(x), balanced_tree=False, compact_nodes=False).query(points.T)[1]]
+    places = (np.arange(per_interval) + 0.5) / per_interval
+    samples = curve.everywhere(places).T
+    index = cKDTree(samples, leafsize=32, balanced_tree=False, compact_nodes=False).query(points.T)[1]
+    return (index + 0.5) / per_interval
 
 
 def foot_points(curve: TubeCurve, points: Array, x: Array, steps: int = 1) -> tuple[Array, IntArray, Array, Array]:
@@ -204,34 +236,42 @@ def foot_points(curve: TubeCurve, points: Array, x: Array, steps: int = 1) -> tu
     Args:
         curve: the curve.
         points: (3, M), metres.
-        x: (M,) parameters to start from.
-        steps: number of Newton steps.
+        x: (M,) parameters to start from, in [0, n].
+        steps: number of Newton steps, at least one.
 
     Returns:
-        x (M,), the interval (M,), t in it (M,) and the vectors p - f(x) (3, M). Feet are kept within the curve.
+        x (M,), an interval (M,), t with x = interval + t (M,) and the vectors p - f(x) (3, M). Feet are kept within the
+        curve. After the last step t may lie just outside [0, 1]: the interval is the one before it, and the polynomial
+        of that interval is followed beyond its end, which saves another look-up.
     """
-    pieces, last = curve.pieces, float(curve.intervals)
+    last = float(curve.intervals)
     for step in range(steps):
         k = np.minimum(x.astype(np.intp), curve.intervals - 1)
         t = x - k
-        a = pieces[:, :, k]
-        offset = points - (((a[3] * t + a[2]) * t + a[1]) * t + a[0])
-        half = 3.0 * a[3] * t + a[2]
-        first = (2.0 * half - 3.0 * a[3] * t) * t + a[1]
+        # Horner's scheme for f, f' and f'' / 2 at once (Knuth 4.6.4).
+        a0, a1, a2, a3 = np.take(curve.pieces, k, axis=2)
+        a3t = a3 * t
+        a2 += a3t
+        a1 += a2 * t
+        a0 += a1 * t
+        offset = np.subtract(points, a0, out=a0)
+        a2 += a3t
+        a1 += a2 * t
+        a2 += a3t
+        first, half = a1, a2
         speed = dot(first, first)
         # Inside a bend, far from the curve, the second derivative of the distance vanishes: keep the step finite.
         slope = np.maximum(speed - 2.0 * dot(offset, half), 0.25 * speed)
         move = np.clip(dot(offset, first) / np.maximum(slope, 1e-300), -1.0, 1.0)
         moved = np.clip(x + move, 0.0, last)
         if step == steps - 1:
-            # The polynomial of the interval goes on beyond it: Taylor's formula saves another look-up.
             move = moved - x
-            offset -= ((a[3] * move + half) * move + first) * move
-            return moved, k, t + move, offset
+            a3 *= move
+            a3 += half
+            a3 *= move
+            a3 += first
+            a3 *= move
+            offset -= a3
+            t += move
         x = moved
-    raise ValueError("at least one step is needed")
-
-
-def dot(a: Array, b: Array) -> Array:
-    """Scalar products of columns: (3, M), (3, M) -> (M,)."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return x, k, t, offset

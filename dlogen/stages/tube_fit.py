@@ -10,24 +10,25 @@ from scipy.linalg.lapack import dpbtrf, dpbtrs
 
 from dlogen.errors import FitError
 from dlogen.model import Array, BoolArray, IntArray
-from dlogen.stages.tube_curve import TubeCurve, dot, evened, foot_points, nearest, spline_values
+from dlogen.stages.tube_curve import THIRD_DIFFERENCE, TubeCurve, dot, evened, foot_points, nearest, spline_values
 
-#: Tukey's biweight constant: 95 % efficiency for Gaussian noise.
-_TUKEY = 4.685
+#: Tukey's biweight constant: 98 % efficiency for Gaussian noise; strays are rarely so near the surface.
+_TUKEY = 6.0
 
 #: Bounds of log10(lambda / its natural scale), where data and penalty weigh the same in the matrix.
-_LOG_LAMBDA = (-10.0, 6.0)
+_LOG_LAMBDA = (-8.0, 6.0)
+
+#: The least of it as long as the curve is far from the points: it keeps ends in place that hardly a point holds.
+_LOG_ROUGH = -3.0
 
 #: Points that are worked on at a time: bounds the memory, and stays in the processor's cache.
 _CHUNK = 1 << 14
 
 #: Smallest scale of the robust weights in the last steps, in radii: the error of the curve itself.
-_FLOOR = 5e-4
+LEAST_FLOOR = 5e-4
 
 #: Fewest points near the curve that a fit goes on with.
 _FEWEST = 10
-
-_DIFFERENCE = np.array([-1.0, 3.0, -3.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,7 @@ def normals(k: IntArray, t: Array, direction: Array, residual: Array, weight: Ar
     np.multiply((spline_values(t) * root)[:, None], direction, out=columns[:12].reshape(4, 3, -1))
     columns[12] = root
     columns[13] = root * residual
-    columns = columns[:, np.argsort(k.astype(np.int16), kind="stable")]
+    columns = np.take(columns, np.argsort(k.astype(np.int16), kind="stable"), axis=1)
     ends = np.cumsum(np.bincount(k, minlength=intervals)).tolist()
     sums = np.zeros((intervals, 14, 14))
     first = 0
@@ -119,10 +120,10 @@ def _penalty(curve: TubeCurve) -> Array:
     curve is penalised, which for a curve in arc length is the change of its curvature and torsion: circles and straight
     lines cost nothing.
     """
-    tangent = curve(np.arange(curve.intervals) + 0.5, 1)
+    tangent = curve.everywhere(np.array([0.5]), 1).T
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     across = np.eye(3) - tangent[:, :, None] * tangent[:, None, :]
-    blocks = _DIFFERENCE[:, None, None, None] * _DIFFERENCE[:, None] * across[:, None, :, None, :]
+    blocks = THIRD_DIFFERENCE[:, None, None, None] * THIRD_DIFFERENCE[:, None] * across[:, None, :, None, :]
     return blocks.reshape(-1, 12, 12)
 
 
@@ -205,7 +206,10 @@ class Linearisation:
         smoothing = 10.0**log_lambda * self.scale
         factor, info = dpbtrf(self.held + smoothing * self.penalty, lower=1, overwrite_ab=1)
         if info:
-            raise np.linalg.LinAlgError("the normal equations are singular")
+            # Long stretches without points need more of the penalty to be determined at all.
+            if log_lambda > _LOG_LAMBDA[1]:
+                raise FitError("the points do not determine a line", "check r and units", stage="refine")
+            return self.solve(log_lambda + 1.0)
         right = self.right - smoothing * self.pull
         solved = dpbtrs(factor, np.stack([right, self.radius], axis=1), lower=1)[0]
         step, coupling = solved[:, 0], solved[:, 1]
@@ -225,7 +229,7 @@ class Linearisation:
         rank = 2 * self.curve.intervals
         criterion = freedom * np.log(objective) + log_determinant - rank * np.log(smoothing)
         return Solution(
-            TubeCurve(self.curve.coefficients + step.reshape(-1, 3), self.curve.step),
+            TubeCurve(self.curve.coefficients + self._limited(step.reshape(-1, 3)), self.curve.step),
             radius_step,
             log_lambda,
             smoothing * self.curve.step**5,
@@ -236,6 +240,11 @@ class Linearisation:
             step,
         )
 
+    def _limited(self, step: Array) -> Array:
+        """Steps of at most half an interval each: where there are hardly any points, a solution may be anywhere."""
+        length = np.linalg.norm(step, axis=1, keepdims=True)
+        return step * np.minimum(1.0, 0.5 * self.curve.step / np.maximum(length, 1e-300))
+
     def moved(self, solution: Solution) -> float:
         """Root mean square of the change that a step makes to the distances of the points, metres."""
         local = np.lib.stride_tricks.sliding_window_view(solution.step.reshape(-1, 3), 4, axis=0)
@@ -245,13 +254,14 @@ class Linearisation:
         squares += 2.0 * change * float(self.radius @ solution.step) + change**2 * self.sums.weight
         return float(np.sqrt(max(squares, 0.0) / self.sums.weight))
 
-    def best(self, smoothing: float | None = None) -> Solution:
+    def best(self, smoothing: float | None = None, least: float = _LOG_LAMBDA[0]) -> Solution:
         """The step with the smoothing of largest marginal likelihood.
 
         Args:
             smoothing: `Solution.smoothing` to start from; without one the whole range is searched.
+            least: log10 of the least smoothing, relative to its natural scale.
         """
-        low, high = _LOG_LAMBDA
+        low, high = least, _LOG_LAMBDA[1]
         if smoothing is None:
             tried = [self.solve(value) for value in np.arange(low, high + 0.1, 2.0)]
             guess, width = min(tried, key=lambda solution: solution.criterion).log_lambda, 1.0
@@ -326,7 +336,7 @@ def robust_scale(residual: Array) -> float:
 
 
 def tukey(residual: Array, scale: float) -> Array:
-    """Tukey's biweight: (M,) weights in [0, 1], 0 beyond 4.7 scales."""
+    """Tukey's biweight: (M,) weights in [0, 1], 0 beyond 6 scales."""
     z = np.minimum(np.abs(residual) / (_TUKEY * scale), 1.0)
     weight = 1.0 - z * z
     return weight * weight
@@ -381,7 +391,7 @@ def gauss_newton(
             weight = np.where(near, tukey(residual, max(sigma, floor * radius)), 0.0)
             sums = normals(k, t, direction, residual, weight, curve.intervals)
         problem = Linearisation(curve, sums, free_radius)
-        solution = problem.best(smoothing)
+        solution = problem.best(smoothing, _LOG_ROUGH if floor >= 0.1 else _LOG_LAMBDA[0])
         smoothing = solution.smoothing
         radius = max(radius + solution.radius_step, 0.2 * radius)
         curve = evened(solution.curve)
@@ -430,7 +440,7 @@ def all_points(points: Array, tube: Tube, *, free_radius: bool, steps: int) -> T
             distance[part] = away = np.sqrt(dot(offset, offset))
             if step < steps:
                 near = (x[part] > 0.0) & (x[part] < curve.intervals)
-                weight = np.where(near, tukey(away - expected, max(tube.sigma, _FLOOR * radius)), 0.0)
+                weight = np.where(near, tukey(away - expected, max(tube.sigma, LEAST_FLOOR * radius)), 0.0)
                 direction = offset / np.maximum(away, 1e-12 * radius)
                 more = normals(k, t, direction, away - expected, weight, curve.intervals)
                 sums = more if sums is None else sums + more

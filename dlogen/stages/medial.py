@@ -19,11 +19,11 @@ from dlogen.stages.symmetric import smallest_axes
 
 #: Reach of the neighbourhoods in radii, round by round: of nodes of projected points, which are near the axis from the
 #: start, and of others, which are anywhere around the tube.
-_SHARP = (2.0, 1.6, 1.6, 1.6)
+_SHARP = (2.0, 2.0, 2.0, 2.0)
 _BLUNT = (3.5, 3.0, 2.5, 2.5)
 
-#: Size of the cells that projected points are gathered in, in radii.
-_SHARP_CELL = 0.7
+#: Size of the cells that points are gathered in, in radii: projected points and others.
+_SHARP_CELL, _BLUNT_CELL = 1.0, 1.5
 
 #: Projected points for each radius of length that make others unnecessary.
 _PLENTY = 5.0
@@ -98,7 +98,7 @@ def contract(votes: Array, projected: BoolArray, radius: float, per_radius: floa
             tree = cKDTree(position[enough]) if enough.any() else None
             if tree is not None:
                 rest = rest[np.isinf(tree.query(rest, distance_upper_bound=1.5 * radius)[0])]
-        dull, dull_weight = cells(rest, radius * float(np.clip(8.0 / per_radius, 1.0, 1.5)))[1:]
+        dull, dull_weight = cells(rest, _BLUNT_CELL * radius)[1:]
         blunt = np.arange(len(position) + len(dull)) >= len(position)
         position, weight = np.concatenate([position, dull]), np.concatenate([weight, dull_weight])
 
@@ -108,12 +108,13 @@ def contract(votes: Array, projected: BoolArray, radius: float, per_radius: floa
     if len(position) == 0:
         return Nodes(position, position, weight, density)
 
-    stretch = np.clip(8.0 / density, 1.0, 2.5) * radius
+    stretch = np.clip(4.0 / density, 1.0, 2.0) * radius
     rounds = [np.where(blunt, b, s) for b, s in zip(_BLUNT, _SHARP, strict=True)]
     if not blunt.any():
-        rounds = rounds[:1]
+        rounds = []
     # Nodes move by a radius or so: the pairs of the first round serve for all.
-    half = cKDTree(position).query_pairs(float((rounds[0] * stretch).max()), output_type="ndarray")
+    widest = rounds[0] if rounds else np.full(len(position), _SHARP[-1])
+    half = cKDTree(position).query_pairs(float((widest * stretch).max()), output_type="ndarray")
     pairs = np.concatenate([half, half[:, ::-1]])
     for factor in rounds:
         distance = _distances(position, pairs)
@@ -121,7 +122,8 @@ def contract(votes: Array, projected: BoolArray, radius: float, per_radius: floa
         shift = _local_means(position, weight, pairs, distance, (0.6 * factor + 0.1) * stretch) - position
         position = position + shift - np.einsum("ni,ni->n", shift, direction)[:, None] * direction
     distance = _distances(position, pairs)
-    direction = _directions(position, weight, pairs, distance, rounds[-1] * stretch)
+    last = np.where(blunt, _BLUNT[-1], _SHARP[-1]) * stretch
+    direction = _directions(position, weight, pairs, distance, last)
     return Nodes(position, direction, weight, density)
 
 
@@ -142,12 +144,30 @@ def recentre(line: Array, points: Array, tree: cKDTree, radius: float, per_radiu
     Returns:
         (K, 3) vertices.
     """
-    half = radius * float(np.clip(10.0 / per_radius, 1.2, 3.0))
-    pairs = cKDTree(line).sparse_distance_matrix(tree, float(np.hypot(half, 1.7 * radius)), output_type="ndarray")
-    row, column = pairs["i"], pairs["j"]
-    line = line.copy()
+    sparse = np.arange(len(line))
+    if per_radius > 10.0:
+        step = int(per_radius / 10.0)
+        few = points[::step]
+        line, count = _centring_steps(line, sparse, few, cKDTree(few) if step > 1 else tree, radius, 1.2, 1)
+        sparse = np.flatnonzero(count < 20.0)
+    if len(sparse):
+        reach = float(np.clip(10.0 / per_radius, 2.0, 3.0))
+        line, _ = _centring_steps(line, sparse, points, tree, radius, reach, 4)
+    return line
+
+
+def _centring_steps(
+    line: Array, moving: IntArray, points: Array, tree: cKDTree, radius: float, reach: float, steps: int
+) -> tuple[Array, Array]:
+    """`recentre` for some of the vertices, by the points within `reach` radii along the line; and their numbers."""
+    half = reach * radius
+    near = cKDTree(line[moving]).sparse_distance_matrix(
+        tree, float(np.hypot(half, 1.7 * radius)), output_type="ndarray"
+    )
+    row, column = moving[near["i"]], near["j"]
     count = len(line)
-    for _ in range(2 if per_radius > 10.0 else 4):
+    line = line.copy()
+    for _ in range(steps):
         tangent = np.gradient(line, axis=0)
         tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-300)
         offset = points[column] - line[row]
@@ -157,11 +177,11 @@ def recentre(line: Array, points: Array, tree: cKDTree, radius: float, per_radiu
         residual = distance - radius
         weight = np.maximum(1.0 - (along / half) ** 2, 0.0) ** 2 * np.maximum(1.0 - (residual / radius) ** 2, 0.0) ** 2
         offset /= np.maximum(distance, 1e-300)[:, None]
-        normal = np.empty((count, 3, 3))
-        for i in range(3):
-            for j in range(i + 1):
-                normal[:, i, j] = normal[:, j, i] = np.bincount(row, weight * offset[:, i] * offset[:, j], count)
-        right = np.stack([np.bincount(row, weight * residual * offset[:, i], count) for i in range(3)], axis=1)
+        x, y, z = offset.T
+        wx, wy, wz = (weight * component for component in (x, y, z))
+        sums = [np.bincount(row, term, count) for term in (wx * x, wx * y, wy * y, wx * z, wy * z, wz * z)]
+        normal = np.stack(sums, axis=1)[:, [0, 1, 3, 1, 2, 4, 3, 4, 5]].reshape(-1, 3, 3)
+        right = np.stack([np.bincount(row, term * residual, count) for term in (wx, wy, wz)], axis=1)
         # Half a point at rest holds what no point does; along the line nothing is known at all.
         normal += 0.5 * np.eye(3) + 1e3 * tangent[:, :, None] * tangent[:, None, :]
         shift = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
@@ -169,7 +189,7 @@ def recentre(line: Array, points: Array, tree: cKDTree, radius: float, per_radiu
         shift *= np.minimum(1.0, 0.5 * radius / np.maximum(length, 1e-300))
         padded = np.concatenate([shift[:1], shift, shift[-1:]])
         line += 0.25 * (padded[:-2] + 2.0 * shift + padded[2:])
-    return line
+    return line, np.bincount(row, minlength=count).astype(float)
 
 
 def cells(points: Array, size: float) -> tuple[IntArray, Array, Array]:

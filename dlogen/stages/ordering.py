@@ -32,7 +32,7 @@ from dlogen.stages.scale import Scale, estimate_scale, spatial_sample
 
 #: Size of the subset that the order is found on: at most, and for each radius of length.
 _SAMPLE = 6000
-_PER_RADIUS = 28.0
+_PER_RADIUS = 22.0
 #: Share of places where the cloud is longer than wide, below which it is no line.
 _LINE_SHARE = 0.35
 #: Shorter than this, in radii, and it is no line.

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from dlogen.model import Array, BoolArray, IntArray
-from dlogen.polyline import arc_lengths, distance_to_polyline, resample
+from dlogen.polyline import arc_lengths, resample
 from dlogen.stages.medial import Nodes
 
 #: Pieces shorter than this, in radii, are taken for strays.
@@ -169,13 +169,7 @@ def _piece(nodes: Nodes, members: IntArray, line: Array, radius: float) -> Piece
     smooth = resample(line, max(3, round(arc_lengths(line)[-1] / radius) + 1))
     for _ in range(2):
         smooth[1:-1] = 0.25 * (smooth[:-2] + 2.0 * smooth[1:-1] + smooth[2:])
-    _, segment, parameter = distance_to_polyline(position, smooth)
-    s = segment + parameter
-    # Beyond the first and the last vertex, on along the line.
-    for end, inner, sign in ((0, 1, -1.0), (-1, -2, 1.0)):
-        step = smooth[end] - smooth[inner]
-        ahead = (position - smooth[end]) @ step / (step @ step)
-        s = np.where((s == (len(smooth) - 1 if sign > 0 else 0)) & (ahead > 0), s + sign * ahead, s)
+    s = _coordinates(position, smooth)
     low, high = _extent(s, weight)
     bins = max(2, round(high - low))
     index = np.clip(((s - low) / (high - low) * bins).astype(np.intp), 0, bins - 1)
@@ -206,6 +200,18 @@ def _piece(nodes: Nodes, members: IntArray, line: Array, radius: float) -> Piece
     shares = np.diff(counted)
     weights = 0.5 * (np.append(shares, 0.0) + np.append(0.0, shares))
     return Piece(np.stack([np.interp(even, along, column) for column in rough.T], axis=1), weights)
+
+
+def _coordinates(points: Array, line: Array) -> Array:
+    """Places of points along a polyline of even steps, counted in steps; less than 0 or more beyond its ends."""
+    _, nearest = cKDTree(line).query(points)
+    tangent = np.gradient(line, axis=0)
+    ahead = np.einsum("pi,pi->p", points - line[nearest], tangent[nearest])
+    ahead /= np.einsum("pi,pi->p", tangent[nearest], tangent[nearest])
+    low = np.where(nearest == 0, -np.inf, -0.5)
+    high = np.where(nearest == len(line) - 1, np.inf, 0.5)
+    result: Array = nearest + np.clip(ahead, low, high)
+    return result
 
 
 def _extent(s: Array, weight: Array) -> tuple[float, float]:

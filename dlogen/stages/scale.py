@@ -1,6 +1,6 @@
 """How large things are in a raw cloud: spacing of the points, radius of the tube, noise. Needs no order and no start.
 
-The radius is found in two steps. Around some sixty points of the cloud, neighbourhoods are grown until they are longer
+The radius is found in two steps. Around some fifty points of the cloud, neighbourhoods are grown until they are longer
 than wide; their width tells the order of magnitude. Then a circle is fitted to the cross-section of each of them. A
 circle fit asks for no full circumference, so that a tube that was seen from one side does as well.
 """
@@ -14,15 +14,17 @@ from scipy.spatial import cKDTree
 
 from dlogen.errors import FitError
 from dlogen.model import Array, BoolArray, IntArray
-from dlogen.stages.symmetric import eigenvalues
+from dlogen.stages.symmetric import eigenvalues, smallest_axes
 
 #: Size of the subset that is looked at.
 _SAMPLE = 4000
 #: Places where the cross-section is looked at, and how many points around each of them.
-_PLACES = 64
-_NEIGHBOURS = 192
-#: If that many are not enough, they are taken from every fourth point only, and so on: the reach grows.
+_PLACES = 48
+_NEIGHBOURS = 144
+#: Every so many points are looked at first; if the neighbours of these don't reach far enough, every 16th, and so on.
 _THINNING = 4
+#: Points that the cross-sections need for each radius of length.
+_PER_RADIUS = 30.0
 #: A neighbourhood counts as a stretch of a line if its variance along it is this many times that across.
 _ELONGATION = 4.0
 #: With fewer points than this, bends are taken for cross-sections.
@@ -120,30 +122,29 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
     sample = sample - 0.5 * (sample.min(axis=0) + sample.max(axis=0))
     tree = cKDTree(sample)
     # On a surface the spacing goes with the root of the number of points.
-    nearest = tree.query(sample[:: -(-len(sample) // 1000)], 2)[0][:, 1]
+    nearest = tree.query(sample[:: -(-len(sample) // 500)], 2)[0][:, 1]
     spacing = float(np.median(nearest)) * float(np.sqrt(len(sample) / max(len(points), len(sample))))
 
     places = np.unique(np.linspace(0, len(sample) - 1, _PLACES).astype(np.intp))
-    centre, direction, width, resolved, level = _stretches(tree, sample, places)
-    found = width > 0.0
-    line_share = float(found.mean())
-    if not found.any():
+    found = _stretches(sample, tree, places)
+    line_share = float(found.width.size / len(places))
+    if not found.width.size:
         size = float(np.sqrt((sample**2).sum(axis=1).mean()))
         return Scale(spacing, radius or size, radius is not None, float("nan"), 1.0, line_share, float("nan"))
 
-    centre, direction = centre[found], direction[found]
-    thinned = sample[:: _THINNING ** int(np.median(level[found]))]
+    guess = radius or float(np.median(found.width))
+    # The slabs need no more points than this for each radius.
+    thinned = sample[:: max(1, int(float(np.median(found.per_length)) * guess / _PER_RADIUS))]
     if len(thinned) < len(sample):
         tree = cKDTree(thinned)
-    guess = radius or float(np.median(width[found]))
-    fit = _cross_sections(tree, thinned, centre, direction, guess)
+    fit = _cross_sections(tree, thinned, found, guess)
     for _ in range(2):
         if radius is not None or not fit.good.any():
             break
         previous, guess = guess, float(np.median(fit.radius[fit.good]))
         if abs(guess - previous) < 0.1 * previous:
             break
-        fit = _cross_sections(tree, thinned, centre, direction, guess)
+        fit = _cross_sections(tree, thinned, found, guess)
     good = fit.good
     per_radius = float(np.median(fit.per_length)) * guess * len(points) / len(thinned)
     if good.sum() < max(3, 0.2 * len(good)):
@@ -157,9 +158,8 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
     # Noise across the axis moves points outward on average.
     estimate -= min(noise**2 / (2.0 * estimate), 0.2 * estimate)
     # Neighbourhoods that were longer than wide from the first say nothing about a width.
-    resolved_share = float((resolved[found] | (level[found] > 0)).mean())
     clear = noise < 0.12 * estimate or (noise < 0.45 * estimate and line_share > 0.5)
-    enough = len(sample) >= _ENOUGH and resolved_share > 0.5
+    enough = len(sample) >= _ENOUGH and float(found.resolved.mean()) > 0.5
     reliable = clear and enough and spread < 0.3 * estimate and coverage > 0.2 and float(good.mean()) > 0.4
     return Scale(
         spacing,
@@ -172,36 +172,58 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
     )
 
 
-def _stretches(tree: cKDTree, points: Array, places: IntArray) -> tuple[Array, Array, Array, BoolArray, IntArray]:
-    """Grow the neighbourhood of each place until it is longer than wide.
+@dataclass(frozen=True)
+class _Stretches:
+    """Neighbourhoods that are longer than wide, one for each place that has one.
 
-    Returns:
-        centre: (P, 3) mean of the neighbourhood at that size.
+    Attributes:
+        centre: (P, 3) mean of the neighbourhood.
         direction: (P, 3) unit vector along it.
         width: (P,) radius of a tube with its variance across, which is r^2 / 2 in the direction in which a one-sided
-            view is complete, too; 0 where the neighbourhood never got longer than wide.
-        resolved: (P,) whether it was not longer than wide when it was smallest.
-        level: (P,) how often the points had to be thinned for that.
+            view is complete, too; metres.
+        per_length: (P,) points per metre.
+        resolved: (P,) whether there was a smaller neighbourhood that was not longer than wide.
     """
-    centre, direction, width = np.zeros((len(places), 3)), np.zeros((len(places), 3)), np.zeros(len(places))
-    resolved, level = np.zeros(len(places), dtype=bool), np.zeros(len(places), dtype=np.intp)
-    place, left, step = points[places], np.arange(len(places)), 0
-    while True:
-        count = min(_NEIGHBOURS, len(points))
-        index = tree.query(place[left], count)[1].reshape(len(left), count)
-        complete = len(points) <= _NEIGHBOURS
-        for target, value in zip((centre, direction, width, resolved), _grow(points[index], complete), strict=True):
-            target[left] = value
-        level[left] = step
-        left = left[width[left] == 0.0]
-        if len(left) == 0 or complete:
-            return centre, direction, width, resolved, level
-        points, step = points[::_THINNING], step + 1
-        tree = cKDTree(points)
+
+    centre: Array
+    direction: Array
+    width: Array
+    per_length: Array
+    resolved: BoolArray
 
 
-def _grow(around: Array, complete: bool) -> tuple[Array, Array, Array, BoolArray]:
-    """As `_stretches`, for neighbours (P, K, 3) in the order of their distance; `complete`: there are no more."""
+def _stretches(points: Array, tree: cKDTree, places: IntArray) -> _Stretches:
+    """Grow the neighbourhood of each place until it is longer than wide.
+
+    Every fourth point will do at first; where these are too few to see a width, all are looked at, and where the
+    neighbourhoods have to be larger, fewer.
+    """
+    rows = np.zeros((len(places), 9))  # centre, direction, width, points per metre, resolved
+    todo = np.arange(len(places))
+    step = start = _THINNING if len(points) >= _THINNING * _NEIGHBOURS else 1
+    while len(todo):
+        thinned = points[::step]
+        complete = len(thinned) <= _NEIGHBOURS
+        near = cKDTree(thinned) if step > 1 else tree
+        rows[todo] = _grow(thinned[near.query(points[places[todo]], min(_NEIGHBOURS, len(thinned)))[1]], step, complete)
+        todo = todo[rows[todo, 6] == 0.0]
+        step *= _THINNING
+        if complete:
+            break
+    again = np.flatnonzero((rows[:, 6] > 0.0) & (rows[:, 8] == 0.0))
+    if start > 1 and len(again):
+        finer = _grow(points[tree.query(points[places[again]], _NEIGHBOURS)[1]], 1, False)
+        seen = finer[:, 6] > 0.0
+        rows[again[seen]] = finer[seen]
+    rows = rows[rows[:, 6] > 0.0]
+    return _Stretches(rows[:, :3], rows[:, 3:6], rows[:, 6], rows[:, 7], rows[:, 8] > 0.0)
+
+
+def _grow(around: Array, step: int, complete: bool) -> Array:
+    """Rows of `_stretches` from neighbours (P, K, 3) in the order of their distance.
+
+    `step`: only every so many points were looked at; `complete`: there are no more neighbours.
+    """
     total = around.shape[1]
     sizes = np.unique(np.round(np.geomspace(min(_FEWEST, total), total, 16)).astype(np.intp))
     origin = around[:, :1, :]
@@ -222,9 +244,11 @@ def _grow(around: Array, complete: bool) -> tuple[Array, Array, Array, BoolArray
     lasting = elongated & after[:, :-1] & after[:, 1:]
     at = np.argmax(lasting, axis=1)
     each = np.arange(len(around))
-    direction = np.linalg.eigh(covariance[each, at])[1][:, :, 2]
-    width = np.where(lasting.any(axis=1), np.sqrt(2.0 * np.maximum(values[each, at, 1], 1e-300)), 0.0)
-    return mean[each, at] + origin[:, 0], direction, width, at > 0
+    direction = smallest_axes(-covariance[each, at])
+    along, across = np.sqrt(np.maximum(values[each, at, 2], 1e-300)), np.sqrt(np.maximum(values[each, at, 1], 1e-300))
+    width = np.where(lasting.any(axis=1), np.sqrt(2.0) * across, 0.0)
+    per_length = step * sizes[at] / (2.0 * np.sqrt(3.0) * along)
+    return np.column_stack([mean[each, at] + origin[:, 0], direction, width, per_length, at > 0])
 
 
 @dataclass(frozen=True)
@@ -243,11 +267,12 @@ class _Circles:
 _TUKEY = 0.73
 
 
-def _cross_sections(tree: cKDTree, points: Array, centre: Array, direction: Array, guess: float) -> _Circles:
+def _cross_sections(tree: cKDTree, points: Array, found: _Stretches, guess: float) -> _Circles:
     """Fit circles to the points of a slab across each place, two `guess`es long, or four where points are few.
 
     Other strands and strays are left out by a limit on the distance first, by Tukey weights then.
     """
+    centre, direction = found.centre, found.direction
     distance, index = tree.query(centre, min(_NEIGHBOURS, len(points)), distance_upper_bound=2.0 * np.sqrt(2.0) * guess)
     # Beyond the distance the query fills up with an index past the end.
     width = max(int(np.isfinite(distance).sum(axis=1).max()), 1)

@@ -123,11 +123,11 @@ def table_3(seed: int = 0) -> Iterator[Figure]:
     Args:
         seed: of the sensor's noise and of the drawing.
     """
-    from dlogen.camera import kinect_hose_scene
+    from dlogen.camera import hose_capture
     from dlogen.extract import extract
 
-    scene = kinect_hose_scene(seed=seed)
-    cloud = extract(scene.with_object, scene.background, count=POINTS, seed=seed)
+    scene = hose_capture(seed)
+    cloud = extract(scene.scene, scene.background, count=POINTS, seed=seed)
     result = fit(cloud, TABLE_3_CONFIG)
     e_max = 1e3 * result.e_max
     n = len(result.chain.lengths)

@@ -29,12 +29,13 @@ def curvature(line: Skeleton, s: Array) -> Array:
 def max_curvature(line: Skeleton, samples: int = 2001) -> tuple[float, float]:
     """The largest curvature and where it is.
 
-    Samples, then narrows the interval around the largest one.
+    Samples, then narrows the interval around the largest one. The margins of the basis (`Basis.margin`) are left out.
 
     Returns:
         (kappa in 1/m, s).
     """
-    s = np.linspace(0.0, 1.0, samples)
+    margin = line.basis.margin
+    s = np.linspace(margin, 1.0 - margin, samples)
     values = curvature(line, s)
     best = int(np.argmax(values))
     low, high = s[max(best - 1, 0)], s[min(best + 1, samples - 1)]

@@ -148,16 +148,16 @@ def recentre(line: Array, points: Array, tree: cKDTree, radius: float, per_radiu
     if per_radius > 10.0:
         step = int(per_radius / 10.0)
         few = points[::step]
-        line, count = _centring_steps(line, sparse, few, cKDTree(few) if step > 1 else tree, radius, 1.2, 1)
+        line, count = _centring_steps(line, sparse, few, cKDTree(few) if step > 1 else tree, radius, 1.2, 1, 1)
         sparse = np.flatnonzero(count < 20.0)
     if len(sparse):
-        reach = float(np.clip(10.0 / per_radius, 2.0, 3.0))
-        line, _ = _centring_steps(line, sparse, points, tree, radius, reach, 4)
+        reach = float(np.clip(6.0 / per_radius, 1.2, 2.0))
+        line, _ = _centring_steps(line, sparse, points, tree, radius, reach, 4, 3)
     return line
 
 
 def _centring_steps(
-    line: Array, moving: IntArray, points: Array, tree: cKDTree, radius: float, reach: float, steps: int
+    line: Array, moving: IntArray, points: Array, tree: cKDTree, radius: float, reach: float, steps: int, pooling: int
 ) -> tuple[Array, Array]:
     """`recentre` for some of the vertices, by the points within `reach` radii along the line; and their numbers."""
     half = reach * radius
@@ -182,14 +182,22 @@ def _centring_steps(
         sums = [np.bincount(row, term, count) for term in (wx * x, wx * y, wy * y, wx * z, wy * z, wz * z)]
         normal = np.stack(sums, axis=1)[:, [0, 1, 3, 1, 2, 4, 3, 4, 5]].reshape(-1, 3, 3)
         right = np.stack([np.bincount(row, term * residual, count) for term in (wx, wy, wz)], axis=1)
-        # Half a point at rest holds what no point does; along the line nothing is known at all.
+        # Neighbours share what they know, which matters most where points are few. Half a point at rest holds what no
+        # point does; along the line nothing is known at all.
+        for _ in range(pooling):
+            normal, right = _with_neighbours(normal), _with_neighbours(right)
         normal += 0.5 * np.eye(3) + 1e3 * tangent[:, :, None] * tangent[:, None, :]
         shift = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
         length = np.linalg.norm(shift, axis=1, keepdims=True)
-        shift *= np.minimum(1.0, 0.5 * radius / np.maximum(length, 1e-300))
-        padded = np.concatenate([shift[:1], shift, shift[-1:]])
-        line += 0.25 * (padded[:-2] + 2.0 * shift + padded[2:])
+        line += shift * np.minimum(1.0, 0.5 * radius / np.maximum(length, 1e-300))
     return line, np.bincount(row, minlength=count).astype(float)
+
+
+def _with_neighbours(rows: Array) -> Array:
+    """Weighted means 1 2 1 over neighbouring rows; the ends count twice."""
+    padded = np.concatenate([rows[:1], rows, rows[-1:]])
+    result: Array = 0.25 * (padded[:-2] + 2.0 * rows + padded[2:])
+    return result
 
 
 def cells(points: Array, size: float) -> tuple[IntArray, Array, Array]:

@@ -52,7 +52,7 @@ class Bridge:
     Attributes:
         s: (start, end) coordinates on the backbone, arc length over length.
         position: the middle, metres.
-        gap: distance between the pieces, metres.
+        gap: longest part of it without points, metres.
         kind: "gap", "crossing" (another strand passes there) or "touch" (one that nearly touches).
         certainty: 0 to 1: how much better the join is than the next best.
     """
@@ -137,11 +137,11 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
     line = longest.canonical()
     inliers = _around(points - origin, line.points, r, scale.noise)
     findings = [
-        *_about_cloud(scale, radius, per_radius, inliers[chosen], line, r),
+        *_about_cloud(scale, per_radius, inliers[chosen], line, r),
         *_about_rest(others, line, r, origin),
         *_about_ends(line, r, origin),
     ]
-    bridges = _bridges(line, r)
+    bridges = _bridges(line, sample, tree, r)
     findings += _about_bridges(bridges, line, r, origin)
     findings += _about_crossings(bridges, line, r, origin)
     return Ordering(
@@ -211,7 +211,7 @@ def _around(points: Array, line: Array, r: float, noise: float) -> BoolArray:
     return np.isfinite(distance)
 
 
-def _bridges(line: _Line, r: float) -> list[Bridge]:
+def _bridges(line: _Line, points: Array, tree: cKDTree, r: float) -> list[Bridge]:
     s = arc_lengths(line.points)
     result = []
     for (a, b), join in zip(line.spans, line.joins, strict=True):
@@ -223,8 +223,21 @@ def _bridges(line: _Line, r: float) -> list[Bridge]:
             nearest = float(cKDTree(line.points[elsewhere]).query(resample(stretch, 2 * len(stretch)))[0].min())
             kind = "touch" if nearest < 2.4 * r else "crossing" if nearest < 3.5 * r else "gap"
         certainty = 1.0 if np.isinf(join.margin) else join.margin / (join.margin + join.cost)
-        result.append(Bridge((s[a] / s[-1], s[b] / s[-1]), _place(middle), join.gap, kind, float(certainty)))
+        gap = _largest_hole(stretch, points, tree, r)
+        result.append(Bridge((s[a] / s[-1], s[b] / s[-1]), _place(middle), gap, kind, float(certainty)))
     return result
+
+
+def _largest_hole(stretch: Array, points: Array, tree: cKDTree, r: float) -> float:
+    """Longest part of a stretch of the line without points around it, metres."""
+    dense = resample(stretch, max(3, int(4.0 * arc_lengths(stretch)[-1] / r)))
+    step = arc_lengths(dense)[-1] / (len(dense) - 1)
+    # A slice across the line is empty if no point is nearer to its centre than the surface and a little more.
+    lonely = np.isinf(tree.query(dense, distance_upper_bound=1.3 * r)[0])
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], lonely, [False]]).astype(int)))
+    longest = int((edges[1::2] - edges[::2]).max(initial=0))
+    # Points up to 0.8 r farther along fill a slice.
+    return longest * step + 1.6 * r if longest else 0.0
 
 
 def _moved(item: Bridge, origin: Array) -> Bridge:
@@ -239,9 +252,7 @@ def _millimetres(value: float) -> str:
     return f"{1000 * value:.3g} mm"
 
 
-def _about_cloud(
-    scale: Scale, radius: float | None, per_radius: float, near: BoolArray, line: _Line, r: float
-) -> list[Finding]:
+def _about_cloud(scale: Scale, per_radius: float, near: BoolArray, line: _Line, r: float) -> list[Finding]:
     findings = []
     stray = 1.0 - float(near.mean())
     if scale.line_share < _LINE_SHARE:
@@ -256,9 +267,6 @@ def _about_cloud(
     if line.length < _SHORTEST_LINE * r:
         message = f"the object is only {line.length / (2 * r):.1f} diameters long: it is hardly a line"
         findings.append(Finding("not-a-line", message, "bad"))
-    if radius is None and not scale.radius_reliable:
-        message = f"the points don't tell the radius; {_millimetres(r)} was assumed"
-        findings.append(Finding("radius-unknown", message))
     if per_radius < 1.5:
         message = f"only {per_radius:.1f} points for each radius of length: the order is uncertain"
         findings.append(Finding("too-few-points", message))

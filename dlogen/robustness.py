@@ -39,8 +39,9 @@ class Case:
     sampling: dict[str, Any] = field(default_factory=dict)
 
 
-def _random(**settings: Any) -> Callable[[np.random.Generator], CentreLine]:
-    return lambda rng: random_centre_line(rng, **settings)
+def _random(clearance: float = 0.03, **settings: Any) -> Callable[[np.random.Generator], CentreLine]:
+    # Without a clearance a random line may pass through itself, which no object does.
+    return lambda rng: random_centre_line(rng, clearance=clearance, **settings)
 
 
 def _fixed(line: CentreLine) -> Callable[[np.random.Generator], CentreLine]:
@@ -55,10 +56,10 @@ CASES = (
     Case("helical, no noise", _fixed(centre_line("helical")), 0.02, (0.01, 1.5, 0.1)),
     Case("random, no noise", _random(), 0.012, (0.01, 0.5, 0.1)),
     Case("noise 1 mm", _random(), 0.012, (0.15, 0.8, 0.2), sampling={"noise": 1e-3}),
-    Case("one side, noise 1 mm", _random(), 0.015, (0.4, 2.0, 0.5), sampling={"noise": 1e-3, "side": _FROM_ABOVE}),
+    Case("one side, noise 1 mm", _random(0.04), 0.015, (0.4, 2.0, 0.5), sampling={"noise": 1e-3, "side": _FROM_ABOVE}),
     Case(
         "plane curve, one side, noise 2 mm",
-        _random(dimensions=2),
+        _random(0.05, dimensions=2),
         0.02,
         (0.6, 3.0, 0.5),
         sampling={"noise": 2e-3, "side": _FROM_ABOVE},
@@ -69,7 +70,7 @@ CASES = (
     Case("strands cross, 5 r apart", _fixed(loop_centre_line(1.4, 0.06)), 0.012, (0.1, 0.8, 0.2), sampling=_HALF),
     Case("strands touch", _fixed(loop_centre_line(1.4, 2.1 * 0.012)), 0.012, (0.1, 0.8, 0.2), sampling=_HALF),
     Case("wire, r 1.5 mm", _random(), 0.0015, (0.1, 0.6, 0.3), sampling=_HALF),
-    Case("300 points", _random(), 0.012, (0.3, 1.5, 1.0), count=300, sampling=_HALF),
+    Case("300 points", _random(), 0.012, (0.3, 6.0, 1.0), count=300, sampling=_HALF),
     Case("bends down to 3 r", _random(min_bend_radius=0.036), 0.012, (0.2, 1.0, 0.3), sampling=_HALF),
 )
 

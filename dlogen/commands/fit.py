@@ -61,6 +61,7 @@ def command(
     Writes NAME.urdf, NAME.json (the kinematic chain) and NAME.report.json (the errors), all in metres.
     """
     from dlogen.config import load_config
+    from dlogen.errors import DlogenError, FitError
     from dlogen.files import refuse_existing, write_all
     from dlogen.formats import model_format, model_formats
 
@@ -79,7 +80,11 @@ def command(
 
     with console.status(f"fitting {stem}"):
         data = read_cloud(cloud)
-        result = fit(data, config, name=stem)
+        try:
+            result = fit(data, config, name=stem)
+        except DlogenError as error:
+            error.path = error.path or cloud
+            raise
         compared = _against(reference, result, config.mdtw.samples) if reference else None
     contents = {out / name: data for writer in writers for name, data in writer.write(result, stem).items()}
     report = report_dict(result, compared)
@@ -97,8 +102,6 @@ def command(
     if as_json:
         print_json(report)
     if strict and result.quality.verdict != "good":
-        from dlogen.errors import FitError
-
         raise FitError(
             f"the verdict is {result.quality.verdict}", "see the findings above, or leave --strict away", path=cloud
         )

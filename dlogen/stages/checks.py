@@ -8,7 +8,7 @@ from dlogen.errors import FitError
 from dlogen.model import Array, BoolArray, Finding, Skeleton
 
 #: Fewer points than this cannot show a tube; the paper works with 5,000.
-MIN_POINTS = 30
+MIN_POINTS = 12
 
 #: Nobody scans cables of this many metres in one cloud.
 _LONGEST = 50.0

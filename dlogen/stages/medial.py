@@ -180,8 +180,10 @@ def _centring_steps(
         x, y, z = offset.T
         wx, wy, wz = (weight * component for component in (x, y, z))
         sums = [np.bincount(row, term, count) for term in (wx * x, wx * y, wy * y, wx * z, wy * z, wz * z)]
-        normal = np.stack(sums, axis=1)[:, [0, 1, 3, 1, 2, 4, 3, 4, 5]].reshape(-1, 3, 3)
-        right = np.stack([np.bincount(row, term * residual, count) for term in (wx, wy, wz)], axis=1)
+        normal: Array = np.stack(sums, axis=1)[:, [0, 1, 3, 1, 2, 4, 3, 4, 5]].reshape(-1, 3, 3)
+        right: Array = np.stack([np.bincount(row, term * residual, count) for term in (wx, wy, wz)], axis=1).astype(
+            float
+        )
         # Neighbours share what they know, which matters most where points are few. Half a point at rest holds what no
         # point does; along the line nothing is known at all.
         for _ in range(pooling):

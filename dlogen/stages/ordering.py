@@ -1,4 +1,4 @@
-"""From a raw cloud to a rough, ordered centre line, without a start point: the part of the paper's sorting walk (III.B).
+"""From a raw cloud to a rough, ordered centre line, without a start point (the sorting walk of the paper's III.B).
 
 The order comes from pieces that are certain (`dlogen.stages.pieces`); where it stays ambiguous, a finding says so. What
 comes out is the same for every order of the input points.
@@ -26,6 +26,7 @@ from dlogen.stages.pieces import (
     end_direction,
     join_pieces,
     parabola,
+    string_beads,
     trace_pieces,
 )
 from dlogen.stages.scale import Scale, estimate_scale, spatial_sample
@@ -39,8 +40,10 @@ _LINE_SHARE = 0.35
 _SHORTEST_LINE = 6.0
 #: What is left over and comes nearer to the line than this, in radii, is a branch of it.
 _BRANCH = 5.0
-#: Share of the length beyond which a gap makes two objects.
-_LARGE_GAP = 0.2
+#: Shares of the length: up to the one a gap is bridged without doubt, beyond the other it makes two objects.
+_SMALL_GAP, _LARGE_GAP = 0.05, 0.3
+#: The most points that are taken for beads on a string.
+_BEADS = 200
 #: Strands that touch for longer than this, in radii, run side by side.
 _SIDE_BY_SIDE = 10.0
 
@@ -73,7 +76,6 @@ class Ordering:
         radius: the radius that was used, metres.
         pieces: the certain stretches of the backbone, in its order and direction.
         joins: what was bridged between them.
-        inliers: (M,) which points lie around the backbone, roughly.
         findings: what a user should know.
     """
 
@@ -81,7 +83,6 @@ class Ordering:
     radius: float
     pieces: tuple[Array, ...]
     joins: tuple[Bridge, ...]
-    inliers: BoolArray
     findings: tuple[Finding, ...]
 
 
@@ -101,6 +102,8 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
         FitError: nothing in the cloud is longer than wide.
     """
     scale = scale or estimate_scale(points, radius=radius)
+    if not scale.resolved and len(points) <= _BEADS:
+        return _beads(points, radius)
     r = radius or scale.radius
     if scale.line_share < 0.2 or not np.isfinite(scale.per_radius):
         raise FitError(
@@ -135,9 +138,9 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
     longest = max(lines, key=lambda candidate: candidate.length)
     others = [other for other in lines if other is not longest]
     line = longest.canonical()
-    inliers = _around(points - origin, line.points, r, scale.noise)
+    near = _around(sample, line.points, r, scale.noise)
     findings = [
-        *_about_cloud(scale, per_radius, inliers[chosen], line, r),
+        *_about_cloud(scale, per_radius, near, line, r),
         *_about_rest(others, line, r, origin),
         *_about_ends(line, r, origin),
     ]
@@ -149,9 +152,34 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
         radius=r,
         pieces=tuple(part + origin for part in line.parts),
         joins=tuple(_moved(item, origin) for item in bridges),
-        inliers=inliers,
         findings=tuple(findings),
     )
+
+
+def _beads(points: Array, radius: float | None) -> Ordering:
+    """The order of a few points that are beads on a string."""
+    beads = points[spatial_sample(points, _BEADS)]
+    line = string_beads(beads)
+    if _runs_backwards(line):
+        line = line[::-1]
+    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    typical = float(np.median(steps))
+    s = arc_lengths(line) / steps.sum()
+    message = f"only {len(beads)} points: they show an order, but no radius"
+    findings = [Finding("too-few-points", message)]
+    joins = []
+    for i in np.flatnonzero(steps > 4.0 * typical):
+        middle = _place(0.5 * (line[i] + line[i + 1]))
+        joins.append(Bridge((float(s[i]), float(s[i + 1])), middle, float(steps[i]), "gap", 1.0))
+        findings.append(_gap_finding(float(steps[i]), float(steps[i] / steps.sum()), 0.5 * (s[i] + s[i + 1]), middle))
+    parts = np.split(line, [i + 1 for i in np.flatnonzero(steps > 4.0 * typical)])
+    return Ordering(line, radius or typical, tuple(parts), tuple(joins), tuple(findings))
+
+
+def _runs_backwards(line: Array) -> bool:
+    """Whether a line begins at the larger coordinate, on the axis on which its ends differ most."""
+    difference = line[-1] - line[0]
+    return bool(difference[np.argmax(np.abs(difference))] < 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +200,8 @@ class _Line:
         for number, back in path:
             step = -1 if back else 1
             parts.append(pieces[number].points[::step])
-            densities.append(pieces[number].end_densities[::step])
+            first, last = pieces[number].end_densities
+            densities.append((last, first) if back else (first, last))
         points, spans = [parts[0]], []
         count = len(parts[0])
         for before, after in pairwise(parts):
@@ -187,14 +216,13 @@ class _Line:
 
     def canonical(self) -> _Line:
         """The same line, from the end with the smaller coordinate where the ends differ most."""
-        difference = self.points[-1] - self.points[0]
-        if difference[np.argmax(np.abs(difference))] >= 0.0:
+        if not _runs_backwards(self.points):
             return self
         last = len(self.points) - 1
         return _Line(
             self.points[::-1],
             tuple(part[::-1] for part in self.parts[::-1]),
-            tuple(density[::-1] for density in self.densities[::-1]),
+            tuple((last, first) for first, last in self.densities[::-1]),
             self.joins[::-1],
             tuple((last - b, last - a) for a, b in self.spans[::-1]),
             self.path[::-1],
@@ -267,6 +295,9 @@ def _about_cloud(scale: Scale, per_radius: float, near: BoolArray, line: _Line, 
     if line.length < _SHORTEST_LINE * r:
         message = f"the object is only {line.length / (2 * r):.1f} diameters long: it is hardly a line"
         findings.append(Finding("not-a-line", message, "bad"))
+    if not scale.round:
+        message = "the cross-sections are not round: strands may lie side by side"
+        findings.append(Finding("side-by-side", message, "doubtful"))
     if per_radius < 1.5:
         message = f"only {per_radius:.1f} points for each radius of length: the order is uncertain"
         findings.append(Finding("too-few-points", message))
@@ -319,13 +350,15 @@ def _about_bridges(bridges: list[Bridge], line: _Line, r: float, origin: Array) 
         density = min(line.densities[number][1], line.densities[number + 1][0])
         # A hole where fifteen points were due is none by chance.
         if item.kind == "gap" and item.gap > 2.0 * r and item.gap * density > 15.0:
-            message = f"no points for {_millimetres(item.gap)} ({share:.1%} of the length); the gap was bridged"
-            severity = "note" if share < 0.05 and join.cost < 0.6 else "doubtful"
-            if share > _LARGE_GAP:
-                message += ", but these may be two objects"
-                severity = "bad"
-            findings.append(Finding("gap", message, severity, s, place))
+            findings.append(_gap_finding(item.gap, share, s, place, join.cost))
     return findings
+
+
+def _gap_finding(gap: float, share: float, s: float, place: tuple[float, float, float], cost: float = 0.0) -> Finding:
+    message = f"no points for {_millimetres(gap)} ({share:.1%} of the length); the gap was bridged"
+    if share > _LARGE_GAP:
+        return Finding("gap", f"{message}, but these may be two objects", "bad", s, place)
+    return Finding("gap", message, "note" if share < _SMALL_GAP and cost < 0.6 else "doubtful", s, place)
 
 
 def _about_crossings(bridges: list[Bridge], line: _Line, r: float, origin: Array) -> list[Finding]:

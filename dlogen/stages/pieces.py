@@ -22,7 +22,7 @@ SHORTEST = 2.5
 #: A piece that ends nearer to another than this, in radii, may belong to it there.
 _JUNCTION = 3.0
 #: A join that bends tighter than this, in radii, is none.
-_TIGHTEST_BEND = 1.6
+_TIGHTEST_BEND = 1.0
 #: A gap longer than this share of everything that was seen is not bridged.
 _LONGEST_GAP = 0.15
 #: Nor is one longer than this, in radii, whose bridge would turn by more than this, in radians.
@@ -111,6 +111,36 @@ def trace_pieces(nodes: Nodes, radius: float, per_radius: float) -> list[Piece]:
     return [piece for piece in pieces if piece.weight.sum() >= 6 and piece.density > 0.04 * typical]
 
 
+def string_beads(points: Array) -> Array:
+    """Order points that are beads on a string, too few to see its width: (M, 3) -> (K, 3).
+
+    The shortest links are taken first, two for each point at most and none that closes a ring. Beads at the ends that
+    are far from all others are left out.
+    """
+    count = len(points)
+    distance = np.linalg.norm(points[:, None, :] - points[None, :, :], axis=2)
+    links: list[tuple[int, int]] = []
+    degree, group = np.zeros(count, dtype=int), np.arange(count)
+    for flat in np.argsort(distance, axis=None, kind="stable"):
+        i, j = divmod(int(flat), count)
+        if degree[i] < 2 and degree[j] < 2 and group[i] != group[j]:
+            links.append((i, j))
+            degree[[i, j]] += 1
+            group[group == group[j]] = group[i]
+    neighbours: dict[int, list[int]] = {i: [] for i in range(count)}
+    for i, j in links:
+        neighbours[i].append(j)
+        neighbours[j].append(i)
+    order = [int(np.flatnonzero(degree == 1)[0])]
+    while len(order) < count:
+        order.append(next(i for i in neighbours[order[-1]] if i not in order[-2:-1]))
+    string = points[order]
+    steps = np.linalg.norm(np.diff(string, axis=0), axis=1)
+    while len(string) > 4 and max(steps[0], steps[-1]) > 3.0 * np.median(steps):
+        string, steps = (string[1:], steps[1:]) if steps[0] > steps[-1] else (string[:-1], steps[:-1])
+    return string
+
+
 def _link(nodes: Nodes, radius: float) -> csr_matrix:
     """Graph of nodes that lie in each other's direction; the links are as long as they are in space."""
     # With few points there are holes by chance: one of this length is as rare as e^-15.
@@ -173,7 +203,7 @@ def _piece(nodes: Nodes, members: IntArray, line: Array, radius: float) -> Piece
     low, high = _extent(s, weight)
     bins = max(2, round(high - low))
     index = np.clip(((s - low) / (high - low) * bins).astype(np.intp), 0, bins - 1)
-    total = np.bincount(index, weight, bins)
+    total: Array = np.bincount(index, weight, bins).astype(float)
     sums = np.stack([np.bincount(index, weight * column, bins) for column in (*position.T, s)], axis=1)
     # The outermost bins are partly empty: what is too little for a mean joins the next one.
     for end, inner in ((0, 1), (-1, -2)):
@@ -351,7 +381,7 @@ def bending_cost(a: Array, heading_a: Array, b: Array, heading_b: Array, radius:
     tightest = max(float(np.linalg.norm(4 * alpha + 2 * beta)), float(np.linalg.norm(2 * alpha + 4 * beta))) / length
     if tightest * _TIGHTEST_BEND * radius > 1.0:
         return np.inf
-    turn = 2.0 * float(np.sqrt(max(alpha @ alpha + alpha @ beta + beta @ beta, 0.0)))
+    turn = 2.0 * max(float(alpha @ alpha + alpha @ beta + beta @ beta), 0.0) ** 0.5
     if length > _BLIND * radius and turn > _BLIND_TURN:
         return np.inf
     return turn**2 * radius / length + 0.05 * turn**2 + 0.02 * length / radius

@@ -29,6 +29,8 @@ _PER_RADIUS = 30.0
 _ELONGATION = 4.0
 #: With fewer points than this, bends are taken for cross-sections.
 _ENOUGH = 50
+#: Points of a patch that tells how thick the surface is.
+_PATCH = 10
 #: Fewest points of a neighbourhood that is judged, and of a cross-section.
 _FEWEST = 8
 
@@ -46,6 +48,8 @@ class Scale:
         line_share: share of the looked-at places where the cloud is longer than wide: near 1 for a tube, near 0 for
             a plane or a ball.
         per_radius: median number of points on a piece of the object that is one radius long.
+        resolved: whether the points are dense enough to see a width at all; if not, they are beads on a string.
+        round: whether the cross-sections are circles, within the noise: not those of strands side by side.
     """
 
     spacing: float
@@ -55,6 +59,8 @@ class Scale:
     coverage: float
     line_share: float
     per_radius: float
+    resolved: bool
+    round: bool
 
 
 def spatial_sample(points: Array, count: int) -> IntArray:
@@ -121,17 +127,22 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
         raise FitError(f"{len(sample)} distinct points are too few for a centre line", "four are the least")
     sample = sample - 0.5 * (sample.min(axis=0) + sample.max(axis=0))
     tree = cKDTree(sample)
+    distance, index = tree.query(sample[:: -(-len(sample) // 400)], min(_PATCH, len(sample)))
+    patch = sample[index] - sample[index].mean(axis=1, keepdims=True)
+    thickness = np.sqrt(np.maximum(eigenvalues(np.einsum("pki,pkj->pij", patch, patch) / _PATCH)[:, 0], 0.0))
     # On a surface the spacing goes with the root of the number of points.
-    nearest = tree.query(sample[:: -(-len(sample) // 500)], 2)[0][:, 1]
-    spacing = float(np.median(nearest)) * float(np.sqrt(len(sample) / max(len(points), len(sample))))
+    spacing = float(np.median(distance[:, 1])) * float(np.sqrt(len(sample) / max(len(points), len(sample))))
 
     places = np.unique(np.linspace(0, len(sample) - 1, _PLACES).astype(np.intp))
     found = _stretches(sample, tree, places)
     line_share = float(found.width.size / len(places))
     if not found.width.size:
         size = float(np.sqrt((sample**2).sum(axis=1).mean()))
-        return Scale(spacing, radius or size, radius is not None, float("nan"), 1.0, line_share, float("nan"))
+        return Scale(
+            spacing, radius or size, radius is not None, float("nan"), 1.0, line_share, float("nan"), True, True
+        )
 
+    resolved = len(sample) >= _ENOUGH and float(found.resolved.mean()) > 0.5
     guess = radius or float(np.median(found.width))
     # The slabs need no more points than this for each radius.
     thinned = sample[:: max(1, int(float(np.median(found.per_length)) * guess / _PER_RADIUS))]
@@ -148,7 +159,7 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
     good = fit.good
     per_radius = float(np.median(fit.per_length)) * guess * len(points) / len(thinned)
     if good.sum() < max(3, 0.2 * len(good)):
-        return Scale(spacing, guess, radius is not None, float("nan"), 1.0, line_share, per_radius)
+        return Scale(spacing, guess, radius is not None, float("nan"), 1.0, line_share, per_radius, resolved, True)
     noise = float(np.median(fit.noise[good]))
     estimate = float(np.median(fit.radius[good]))
     # Half the circumference has its centroid at 2 r / pi; less of it, farther out.
@@ -159,8 +170,11 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
     estimate -= min(noise**2 / (2.0 * estimate), 0.2 * estimate)
     # Neighbourhoods that were longer than wide from the first say nothing about a width.
     clear = noise < 0.12 * estimate or (noise < 0.45 * estimate and line_share > 0.5)
-    enough = len(sample) >= _ENOUGH and float(found.resolved.mean()) > 0.5
-    reliable = clear and enough and spread < 0.3 * estimate and coverage > 0.2 and float(good.mean()) > 0.4
+    # Noise thickens small patches of the surface, too; a bundle of strands does not.
+    circular = noise < 0.15 * estimate or noise < 4.0 * float(np.median(thickness))
+    reliable = (
+        clear and circular and resolved and spread < 0.3 * estimate and coverage > 0.2 and float(good.mean()) > 0.4
+    )
     return Scale(
         spacing,
         estimate if radius is None else radius,
@@ -169,6 +183,8 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
         coverage,
         line_share,
         per_radius,
+        resolved,
+        circular,
     )
 
 

@@ -163,6 +163,22 @@ def write_cloud(
     write_with({path: lambda place: chosen.write(place, raw, encoding or chosen.encodings[0])})
 
 
+def cloud_bytes(name: str | Path, cloud: Cloud | RawCloud | npt.ArrayLike, *, encoding: str | None = None) -> bytes:
+    """What `write_cloud` would write to a file of that name: for stdout, and for files that are written together.
+
+    Raises:
+        UsageError: unknown format or encoding, or arrays of the wrong shape.
+    """
+    with tempfile.TemporaryDirectory(prefix="dlogen-") as folder:
+        place = Path(folder) / f"cloud{Path(name).suffix}"
+        try:
+            write_cloud(place, cloud, encoding=encoding)
+        except UsageError as error:
+            error.path = name
+            raise
+        return place.read_bytes()
+
+
 def _raw(
     cloud: Cloud | RawCloud | npt.ArrayLike, normals: npt.ArrayLike | None, viewpoint: npt.ArrayLike | None
 ) -> RawCloud:

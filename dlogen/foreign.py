@@ -65,8 +65,7 @@ _SUFFIXES: dict[str, tuple[str, str]] = {
     ".asc": ("a table of numbers", _TABLE),
     ".bin": ("a headerless binary file", _CLOUD),
 }
-_NUMBER = rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
-_TABLE_ROW = re.compile(rb"\s*" + _NUMBER + rb"([ \t]*[,;]?[ \t]*" + _NUMBER + rb"){1,63}\s*")
+_NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
 def by_content(head: bytes) -> tuple[str, str] | None:
@@ -87,7 +86,8 @@ def by_content(head: bytes) -> tuple[str, str] | None:
     first = text.split(b"\n", 1)[0]
     if re.match(rb"(v|vn|mtllib|o)\s", first) or re.search(rb"\nv\s+[-+.\d]+\s+[-+.\d]+\s+[-+.\d]+", text):
         return "an OBJ mesh", _MESH
-    if len(first) < 2048 and _TABLE_ROW.fullmatch(first):
+    words = re.split(rb"[\s,;]+", first.strip())
+    if len(words) > 1 and all(map(_NUMBER.fullmatch, words)):
         return "a table of numbers", _TABLE
     return None
 

@@ -108,6 +108,15 @@ def gather(data: Bytes, place: Place, code: str, rows: int) -> npt.NDArray[Any]:
     return data[place[:, np.newaxis] + np.arange(np.dtype(code).itemsize)].view(code)[:, 0]
 
 
+def gather_table(data: Bytes, columns: Sequence[tuple[Place, str]], rows: int) -> Array:
+    """(rows, len(columns)) numbers, each column given by its place and numpy's type."""
+    table = np.empty((rows, len(columns)))
+    with np.errstate(invalid="ignore"):  # signalling NaN
+        for index, (place, code) in enumerate(columns):
+            table[:, index] = gather(data, place, code, rows)
+    return table
+
+
 class TextRows:
     """The rows of numbers of an ascii file, read block by block. Blank rows are skipped.
 
@@ -243,7 +252,7 @@ def refuse_rows(wrong: BoolArray, first: IntArray, row: int, what: str, expected
 
 def smallest_type(values: Array) -> str:
     """ "f4" when all numbers are exactly single precision numbers, else "f8"."""
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         single = values.astype(np.float32)
     return "f4" if np.array_equal(single.astype(np.float64), values, equal_nan=True) else "f8"
 

@@ -87,6 +87,14 @@ class TestRefusedByName:
         assert caught.value.hint
         assert caught.value.path == str(path)
 
+    def test_long_lines_of_digits_take_no_time(self, tmp_path):
+        path = tmp_path / "cloud.ply"
+        path.write_bytes(b"0.123456789 " * 300 + b"x\n" + b"1" * 4000)
+        start = time.perf_counter()
+        with pytest.raises(InputError):
+            read_raw(path)
+        assert time.perf_counter() - start < 1.0
+
     def test_missing(self, tmp_path):
         with pytest.raises(InputError, match="No such file") as caught:
             read_cloud(tmp_path / "cloud.ply")

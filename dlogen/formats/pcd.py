@@ -18,7 +18,6 @@ from dlogen.formats import CloudFormat
 
 if TYPE_CHECKING:
     from dlogen.model import Array, RawCloud
-    from dlogen.records import Bytes
 
 _KEYWORDS = ("VERSION", "FIELDS", "COLUMNS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA")
 _TYPES = {
@@ -52,10 +51,13 @@ class _Field:
     @property
     def code(self) -> str:
         """Numpy's code for a coordinate."""
+        from dlogen.records import shorten
+
+        name, kind = shorten(self.name), shorten(self.type)
         if self.count != 1:
-            raise InputError(f"the field {self.name!r} has {self.count} numbers for each point", _DAMAGED)
+            raise InputError(f"the field {name!r} has {self.count} numbers for each point", _DAMAGED)
         if (self.type, self.size) not in _TYPES:
-            raise InputError(f"the field {self.name!r} is of TYPE {self.type} and SIZE {self.size}: unknown", _DAMAGED)
+            raise InputError(f"the field {name!r} is of TYPE {kind} and SIZE {self.size}: unknown", _DAMAGED)
         return _TYPES[self.type, self.size]
 
 
@@ -294,13 +296,13 @@ def _read_text(stream: BinaryIO, header: _Header, columns: dict[int, str], avail
 def _read_binary(stream: BinaryIO, header: _Header, columns: dict[int, str], available: int) -> Array:
     import numpy as np
 
-    from dlogen.records import refuse_claim
+    from dlogen.records import gather_table, refuse_claim
 
     stride = sum(item.bytes for item in header.fields)
     refuse_claim("points", header.points, stride, available)
     data = np.fromfile(stream, dtype=np.uint8, count=header.points * stride)
     starts = list(accumulate((item.bytes for item in header.fields), initial=0))
-    return _table(data, header.points, [((starts[index], stride), code) for index, code in columns.items()])
+    return gather_table(data, [((starts[index], stride), code) for index, code in columns.items()], header.points)
 
 
 def _read_compressed(stream: BinaryIO, header: _Header, columns: dict[int, str], available: int) -> Array:
@@ -308,7 +310,7 @@ def _read_compressed(stream: BinaryIO, header: _Header, columns: dict[int, str],
     import numpy as np
 
     from dlogen.lzf import MAX_RATIO, decompress
-    from dlogen.records import CUT_OFF
+    from dlogen.records import CUT_OFF, Place, gather_table
 
     if header.points == 0:
         return np.empty((0, len(columns)))
@@ -334,23 +336,11 @@ def _read_compressed(stream: BinaryIO, header: _Header, columns: dict[int, str],
     except ValueError as error:
         raise InputError(f"the compressed data are damaged: {error}", "copy or export the file again") from None
     starts = list(accumulate((item.bytes * header.points for item in fields), initial=0))
-    places = []
+    places: list[tuple[Place, str]] = []
     for index, code in columns.items():
         item = header.fields[index]
         places.append(((starts[fields.index(item)], item.size), code))
-    return _table(np.frombuffer(data, dtype=np.uint8), header.points, places)
-
-
-def _table(data: Bytes, points: int, places: list[tuple[tuple[int, int], str]]) -> Array:
-    """(points, len(places)) float64 numbers, each column by its place and type."""
-    import numpy as np
-
-    from dlogen.records import gather
-
-    table = np.empty((points, len(places)))
-    for column, (place, code) in enumerate(places):
-        table[:, column] = gather(data, place, code, points)
-    return table
+    return gather_table(np.frombuffer(data, dtype=np.uint8), places, header.points)
 
 
 FORMAT = CloudFormat(

@@ -282,8 +282,10 @@ class _HeaderBuilder:
 
 
 def _type(name: str) -> str:
+    from dlogen.records import shorten
+
     if name not in _TYPES:
-        raise InputError(f"unknown type {name!r}")
+        raise InputError(f"unknown type {shorten(name)!r}")
     return _TYPES[name]
 
 
@@ -392,7 +394,7 @@ def _read_binary(stream: BinaryIO, header: _Header, wanted: dict[int, list[int]]
     """The wanted properties of the wanted elements, as float64 columns. All elements have to be complete."""
     import numpy as np
 
-    from dlogen.records import gather
+    from dlogen.records import gather_table
 
     data = np.fromfile(stream, dtype=np.uint8)
     order = _BYTE_ORDERS[header.encoding]
@@ -401,10 +403,8 @@ def _read_binary(stream: BinaryIO, header: _Header, wanted: dict[int, list[int]]
     for index, element in enumerate(header.elements):
         columns = wanted.get(index, [])
         places, start = _places(data, element, order, start, columns)
-        table = np.empty((element.rows if columns else 0, len(columns)))
-        for column, (property_index, place) in enumerate(zip(columns, places, strict=True)):
-            table[:, column] = gather(data, place, order + element.properties[property_index].type, element.rows)
-        tables[index] = table
+        codes = [order + element.properties[column].type for column in columns]
+        tables[index] = gather_table(data, list(zip(places, codes, strict=True)), element.rows if columns else 0)
     return tables
 
 

@@ -176,6 +176,11 @@ class TestBinary:
         data = header("binary_little_endian", *vertex(1, "x", "y", "z"), end=end) + values.tobytes()
         assert read_bytes(data).points[0].tolist() == values.tolist()
 
+    def test_signalling_nan(self, read_bytes):
+        data = np.array([0x7F800001, 0x3F800000, 0xFF800001], dtype="<u4").tobytes()
+        points = read_bytes(header("binary_little_endian", *vertex(1, "x", "y", "z")) + data).points
+        assert np.array_equal(points, [[np.nan, 1.0, np.nan]], equal_nan=True)
+
     def test_trailing_blanks_and_bytes(self, read_bytes):
         data = header("binary_little_endian", *vertex(4, "x", "y", "z", kind="double"), end=" \r\n")
         assert np.array_equal(read_bytes(data + POINTS.tobytes() + b"padding").points, POINTS)

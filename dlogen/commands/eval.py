@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
 from dlogen.cli import Command
@@ -29,8 +31,18 @@ TABLES = ("II", "III", "robustness")
     help="Clouds a row (Table II and robustness).",
 )
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="The first seed.")
+@click.option("--plot", "plot_folder", metavar="DIR", help="Write pictures of the tables (needs matplotlib).")
+@click.option("--force", is_flag=True, help="Overwrite existing pictures.")
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
-def command(tables: tuple[str, ...], seeds: int, seed: int, as_json: bool, console: Console) -> None:
+def command(
+    tables: tuple[str, ...],
+    seeds: int,
+    seed: int,
+    plot_folder: str | None,
+    force: bool,
+    as_json: bool,
+    console: Console,
+) -> None:
     """Measure the paper's Tables II and III again, and how much the refined profile stands.
 
     The clouds are synthetic and their truth is known. Figures stand beside the paper's, where it has any. Exits with 1
@@ -50,6 +62,13 @@ def command(tables: tuple[str, ...], seeds: int, seed: int, as_json: bool, conso
         if not tables or table in tables:
             with console.status(f"table {table}"):
                 figures += list(measure[table]())
+    if plot_folder is not None:
+        from dlogen.files import refuse_existing, write_all
+        from dlogen.plots import evaluation_pictures
+
+        pictures = {Path(plot_folder) / name: data for name, data in evaluation_pictures(figures).items()}
+        refuse_existing(list(pictures), force)
+        write_all(pictures)
     if as_json:
         rows = [figure.to_dict() for figure in figures]
         print_json({"schema": "dlogen.evaluation/1", "ok": all(figure.ok for figure in figures), "figures": rows})

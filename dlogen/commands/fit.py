@@ -39,6 +39,7 @@ _EXAMPLES = """Examples:
 )
 @click.option("--reference", metavar="CURVE", help="Known centre line to measure the skeleton line against.")
 @click.option("--dump", "dump_folder", metavar="DIR", help="Write what every stage made into this folder.")
+@click.option("--plot", is_flag=True, help="Write a picture, NAME.png (needs matplotlib: dlogen[plots]).")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON to stdout.")
 @click.option("--strict", is_flag=True, help="Exit 1 unless the verdict is good.")
 @click.option("--force", is_flag=True, help="Overwrite existing outputs.")
@@ -51,6 +52,7 @@ def command(
     formats: str,
     reference: str | None,
     dump_folder: str | None,
+    plot: bool,
     as_json: bool,
     strict: bool,
     force: bool,
@@ -72,7 +74,8 @@ def command(
     out = Path(folder)
     # Refuse before the work, not after it.
     expected = [out / f"{stem}{suffix}" for writer in writers for suffix in writer.suffixes]
-    refuse_existing([*expected, out / f"{stem}.report.json"], force)
+    expected += [out / f"{stem}.report.json", *([out / f"{stem}.png"] if plot else [])]
+    refuse_existing(expected, force)
 
     from dlogen.clouds import read_cloud
     from dlogen.pipeline import fit
@@ -89,6 +92,10 @@ def command(
     contents = {out / name: data for writer in writers for name, data in writer.write(result, stem).items()}
     report = report_dict(result, compared)
     contents[out / f"{stem}.report.json"] = dump_json(report).encode()
+    if plot:
+        from dlogen.plots import fit_picture
+
+        contents[out / f"{stem}.png"] = fit_picture(result)
     if dump_folder is not None:
         from dlogen.dump import dump_files
 

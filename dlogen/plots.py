@@ -148,10 +148,21 @@ def _bars(rows: Sequence[Figure], quantities: Sequence[str]) -> bytes:
         if np.isfinite(paper).any():
             axes.plot(paper, y, "D", color=_RED, markersize=6, label="the paper")
         for value, place in zip(values, y, strict=True):
-            axes.annotate(f" {value:.2g}", (value, place), va="center", fontsize=8)
+            # At the foot of the bar, where no bound and no other mark can be.
+            axes.annotate(
+                f"{value:.2g}",
+                (0.01, place),
+                xycoords=("axes fraction", "data"),
+                va="center",
+                fontsize=9,
+                color="white" if colour == _BLUE else "black",
+                bbox={"facecolor": colour, "edgecolor": "none", "pad": 1.0},
+            )
     axes.set_xscale("log")
     axes.set_yticks(range(len(names)), names)
-    axes.invert_yaxis()
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    # A decade for the numbers.
+    axes.set_xlim(left=0.1 * min(item.measured for item in rows))
     axes.set_xlabel(f"[{rows[0].unit}]")
     axes.grid(axis="x", alpha=0.3)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, fontsize=9, frameon=False)

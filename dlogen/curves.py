@@ -297,9 +297,20 @@ def _table(file: _File) -> Array:
     columns = [0, 1, 2] if header is None else [header.index(axis) for axis in "xyz"]
     try:
         points = np.loadtxt(rows, delimiter=_delimiter(rows[0]), usecols=columns, ndmin=2, comments=None)
-    except ValueError as error:
-        raise InputError(f"the table cannot be read: {error}", "give numbers in every row, as many in each") from None
+    except ValueError:
+        raise _bad_row(file.data, rows, columns) from None
     return _ordered(points)
+
+
+def _bad_row(data: bytes, rows: list[str], columns: list[int]) -> InputError:
+    """What to say of a table with a row that cannot be read, by its line in the file."""
+    hint = "give numbers in every row, as many in each"
+    lines = [line.strip() for line in data.decode("utf-8-sig", errors="replace").splitlines()]
+    for row in rows:
+        fields = _split_row(row, _delimiter(rows[0]))
+        if len(fields) <= max(columns) or not _are_numbers([fields[column] for column in columns]):
+            return InputError(f"line {lines.index(row) + 1} is not a point: {row[:60]!r}", hint)
+    return InputError("the table cannot be read", hint)
 
 
 def _rows(data: bytes) -> tuple[list[str], list[str]]:
@@ -314,7 +325,10 @@ def _delimiter(row: str) -> str | None:
 
 
 def _fields(row: str) -> list[str]:
-    delimiter = _delimiter(row)
+    return _split_row(row, _delimiter(row))
+
+
+def _split_row(row: str, delimiter: str | None) -> list[str]:
     return row.rstrip(delimiter).split(delimiter)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
@@ -19,6 +21,12 @@ _LINK = 4.0
 #: Parts with fewer points than this share of the largest are specks.
 _SPECK = 0.05
 
+#: Parts are told by at most this many points, which bounds the memory for pairs of neighbours.
+_MOST = 200_000
+
+#: Where more of the scene than this has changed, it is not because of an object.
+_LARGEST_SHARE = 0.8
+
 
 def extract(
     scene: RawCloud, background: RawCloud, *, threshold: float | None = None, count: int | None = 5000, seed: int = 0
@@ -27,7 +35,8 @@ def extract(
 
     Args:
         scene: with the object.
-        background: the same place without it: pixel by pixel the same for organised clouds, any cloud otherwise.
+        background: the same place without it: pixel by pixel the same for organised clouds, any cloud in the same frame
+            otherwise.
         threshold: distance to the background from which on a point belongs to the object, in the clouds' unit; by
             default five standard deviations of the noise, which is measured.
         count: number of points to draw from it at random (5,000 in the paper); None keeps all.
@@ -38,16 +47,14 @@ def extract(
 
     Raises:
         FitError: nothing, or nearly everything, differs from the background.
-        InputError: organised clouds of different sizes.
+        InputError: a cloud without points, or organised clouds of different sizes or poses.
     """
+    seen = int(_finite(scene).sum())
+    for cloud, what, points in ((scene, "scene", seen), (background, "background", int(_finite(background).sum()))):
+        if points == 0:
+            raise InputError(f"the {what} has no finite point", f"it has {len(cloud.points)} rows: take it again")
     if scene.organised and background.organised:
-        if (scene.width, scene.height) != (background.width, background.height):
-            raise InputError(
-                f"the scene has {scene.width} x {scene.height} pixels, the background "
-                f"{background.width} x {background.height}",
-                "both must come from the same sensor at the same place",
-            )
-        differs = differing_pixels(scene.points, background.points, threshold)
+        differs = differing_pixels(scene, background, threshold)
     else:
         differs = differing_points(scene.points, background.points, threshold)
     index = np.flatnonzero(differs)
@@ -55,38 +62,67 @@ def extract(
         index = index[main_parts(scene.points[index])]
     if len(index) == 0:
         raise FitError("nothing differs from the background", "lower --threshold, or check the two files")
-    share = len(index) / max(int(np.isfinite(scene.points).all(axis=1).sum()), 1)
-    if share > 0.8:
+    share = len(index) / seen
+    if share > _LARGEST_SHARE:
         raise FitError(
             f"{100 * share:.0f} % of the scene differ from the background: the camera or the table moved",
             "take both with the same pose, or raise --threshold",
         )
-    if count is not None and len(index) > count:
-        index = np.sort(np.random.default_rng(seed).choice(index, count, replace=False))
-    return Cloud(
+    whole = Cloud(
         scene.points[index],
         None if scene.normals is None else scene.normals[index],
         None if scene.viewpoint is None else scene.viewpoint[:3],
-        Dropped(non_finite=int(np.sum(~np.isfinite(scene.points).all(axis=1)))),
+        Dropped(non_finite=len(scene.points) - seen),
     )
+    return whole if count is None else down_sample(whole, count, seed)
 
 
-def differing_pixels(scene: Array, background: Array, threshold: float | None = None) -> BoolArray:
-    """Pixels that are nearer to the camera than the background, or whose background was not seen.
+def down_sample(cloud: Cloud, count: int, seed: int = 0) -> Cloud:
+    """At most `count` points of a cloud, drawn at random without repetition, in the cloud's order."""
+    if len(cloud) <= count:
+        return cloud
+    index = np.sort(np.random.default_rng(seed).choice(len(cloud), count, replace=False))
+    return replace(cloud, points=cloud.points[index], normals=None if cloud.normals is None else cloud.normals[index])
 
-    Depths are compared as 1 / Z: there the noise of disparity sensors is the same at every depth.
+
+def _finite(cloud: RawCloud) -> BoolArray:
+    """(M,) which points were seen."""
+    return np.asarray(np.isfinite(cloud.points).all(axis=1))
+
+
+def differing_pixels(scene: RawCloud, background: RawCloud, threshold: float | None = None) -> BoolArray:
+    """Pixels that are nearer to the sensor than the background, or whose background was not seen.
+
+    Distances from the sensor are compared as 1 / d: there the noise of disparity sensors is the same at every distance.
 
     Args:
-        scene, background: (M, 3) points of the same pixels in the camera frame; NaN where nothing was seen.
-        threshold: difference in depth, metres; None measures the noise.
+        scene, background: organised clouds of the same pixels, NaN where nothing was seen. A cloud without viewpoint is
+            in the sensor's own frame.
+        threshold: difference in distance, in the clouds' unit; None measures the noise.
 
     Returns:
         (M,) booleans.
+
+    Raises:
+        InputError: other pixels, or another pose of the sensor.
     """
-    near, far = scene[:, 2], background[:, 2]
-    seen = np.isfinite(scene).all(axis=1) & (near > 0.0)
-    both = seen & np.isfinite(far) & (far > 0.0)
-    differs = seen & ~np.isfinite(far)
+    if (scene.width, scene.height) != (background.width, background.height):
+        raise InputError(
+            f"the scene has {scene.width} x {scene.height} pixels, the background "
+            f"{background.width} x {background.height}",
+            "both must come from the same sensor at the same place",
+        )
+    origin = np.zeros(3) if scene.viewpoint is None else scene.viewpoint[:3]
+    if background.viewpoint is not None and not np.allclose(background.viewpoint[:3], origin):
+        raise InputError(
+            "the scene and the background were taken from different places", "take both with the same pose"
+        )
+    known = _finite(background)
+    near, far = (np.linalg.norm(cloud.points - origin, axis=1) for cloud in (scene, background))
+    # A distance of zero is how some drivers write that nothing was seen.
+    seen: BoolArray = _finite(scene) & (near > 0.0)
+    both = seen & known & (far > 0.0)
+    differs: BoolArray = seen & ~both
     if threshold is not None:
         differs[both] = far[both] - near[both] > threshold
         return differs
@@ -97,14 +133,13 @@ def differing_pixels(scene: Array, background: Array, threshold: float | None = 
 
 def _noise(difference: Array) -> float:
     """Standard deviation of the background's differences, whatever the object's are."""
-    if len(difference) == 0:
-        return 0.0
-    # The side away from the camera holds no object; its root mean square also sees noise that is mostly rounded to 0.
-    behind = difference[difference <= 0.0]
+    # The side away from the sensor holds no object; its root mean square also sees noise that is mostly rounded to 0.
+    behind = -difference[difference <= 0.0]
     if len(behind) == 0:
         return 0.0
-    limit = 6.0 * 1.4826 * float(np.median(np.abs(behind))) or float(np.abs(behind).max())
-    return float(np.sqrt(np.mean(behind[np.abs(behind) <= limit] ** 2)))
+    # A normal distribution keeps within four times its 0.9 quantile; what was taken away from the scene does not.
+    limit = 4.0 * float(np.quantile(behind, 0.9)) or float(behind.max())
+    return float(np.sqrt(np.mean(behind[behind <= limit] ** 2)))
 
 
 def differing_points(scene: Array, background: Array, threshold: float | None = None) -> BoolArray:
@@ -120,13 +155,11 @@ def differing_points(scene: Array, background: Array, threshold: float | None = 
     """
     finite = np.isfinite(scene).all(axis=1)
     known = background[np.isfinite(background).all(axis=1)]
-    if len(known) < 2:
-        return finite
     tree = cKDTree(known)
     distance = tree.query(scene[finite])[0]
     if threshold is None:
         sample = known[:: max(1, len(known) // 5000)]
-        spacing = float(np.median(tree.query(sample, 2)[0][:, 1]))
+        spacing = float(np.median(tree.query(sample, 2)[0][:, 1])) if len(known) > 1 else 0.0
         lower = distance[distance <= np.median(distance)]
         threshold = max(3.0 * spacing, _SIGMAS * float(np.sqrt(np.mean(lower**2))))
     differs = np.zeros(len(scene), dtype=bool)
@@ -148,6 +181,9 @@ def main_parts(points: Array) -> BoolArray:
     """
     if len(points) < 3:
         return np.ones(len(points), dtype=bool)
+    if len(points) > _MOST:
+        chosen = points[np.random.default_rng(0).choice(len(points), _MOST, replace=False)]
+        return main_parts(chosen)[cKDTree(chosen).query(points)[1]]
     tree = cKDTree(points)
     spacing = float(np.median(tree.query(points[:: max(1, len(points) // 5000)], 3)[0][:, 2]))
     pairs = tree.query_pairs(_LINK * spacing, output_type="ndarray")

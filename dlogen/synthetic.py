@@ -283,11 +283,11 @@ def random_centre_line(
     if length <= 0 or min_bend_radius <= 0 or dimensions not in (2, 3) or not 0 <= clearance <= min_bend_radius:
         raise ValueError("length and bend radius must be positive, dimensions 2 or 3, clearance within the bend radius")
     rng = np.random.default_rng(rng)
-    for _ in range(1000):
+    for _ in range(200):
         line = _random_line(rng, length, min_bend_radius, dimensions)
         if clearance == 0 or not _comes_near_itself(line, clearance):
             return line
-    raise ValueError(f"found no line of {length} m that keeps {clearance} m from itself: try another clearance")
+    raise ValueError(f"found no line of {length:g} m that keeps {clearance:g} m from itself")
 
 
 def _random_line(rng: np.random.Generator, length: float, min_bend_radius: float, dimensions: int) -> CentreLine:
@@ -382,7 +382,11 @@ def coil_centre_line(length: float = 1.4, separation: float = 0.042, turns: floa
 
 
 def _scaled_to_length(shape: Callable[[float], CentreLine], length: float) -> CentreLine:
-    """The member of a family of lines that has the given length (secant method; lengths grow nearly linearly)."""
+    """The member of a family of lines that has the given length (secant method; lengths grow nearly linearly).
+
+    Raises:
+        ValueError: there is none.
+    """
     low, scale = 0.05 * length, 0.15 * length
     below = shape(low).length
     for _ in range(50):
@@ -390,6 +394,8 @@ def _scaled_to_length(shape: Callable[[float], CentreLine], length: float) -> Ce
         if abs(line.length - length) < 1e-13 * length or line.length == below:
             break
         low, below, scale = scale, line.length, scale + (length - line.length) * (scale - low) / (line.length - below)
+    if scale <= 0 or abs(line.length - length) > 1e-9 * length:
+        raise ValueError(f"there is no {line.name} of {length:g} m: make it longer, or the object thinner")
     return line
 
 
@@ -603,18 +609,18 @@ def truth(line: CentreLine, radius: float, settings: dict[str, Any], seed: int |
         settings: how the cloud was made.
         seed: of the random numbers, or null.
 
-    Numbers are rounded to 1e-12 m, so that the last bit of another machine's sine does not show.
+    Numbers are rounded to 1e-9 m, so that the last bit of another machine's sine does not show.
     """
     return {
         "schema": "dlogen.truth/1",
         "units": "m",
         "curve": line.name,
         "radius": radius,
-        "length": round(line.length, 12),
+        "length": round(line.length, 9),
         "settings": settings,
         "seed": seed,
         # Adding zero turns -0.0 into 0.0.
-        "points": (np.round(line.points(1000), 12) + 0.0).tolist(),
+        "points": (np.round(line.points(1000), 9) + 0.0).tolist(),
     }
 
 

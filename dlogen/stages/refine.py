@@ -7,7 +7,7 @@ from the density of the points; and the result as a weighted sum of basis functi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -35,8 +35,8 @@ _ROUNDS = 6
 _FEW = 10
 
 #: Points that the backbone is brought to the axis with, and points of the fit proper; larger clouds are fitted by
-#: subsets of these sizes first.
-_ROUGH_POINTS, _FINE_POINTS = 2000, 8000
+#: subsets of these sizes first. The last steps use a million points at most.
+_ROUGH_POINTS, _FINE_POINTS, _MOST_POINTS = 2000, 8000, 1_000_000
 
 #: Knot spacing over the length below which the smoothing leaves nothing.
 _KNOTS = 0.8
@@ -46,6 +46,10 @@ _SOLID = 0.5
 
 #: Relative standard deviation beyond which the radius counts as unknown: two of them are 4 %.
 _RADIUS_KNOWN = 0.02
+
+#: Relative standard deviation beyond which the largest curvature counts as uncertain, and the angle (curvature times
+#: length) below which a line is straight, so that it does not matter.
+_BEND_KNOWN, _STRAIGHT = 0.25, 0.2
 
 #: Deviation of the output's basis functions from the fitted curve, in radii, and of its curvature, relative.
 _DEVIATION, _BEND_DEVIATION = 1e-4, 0.01
@@ -102,7 +106,7 @@ def refine(points: npt.ArrayLike, backbone: npt.ArrayLike, radius: float, *, fix
     Minimises the robust squared distance of the points to the tube around a uniform cubic B-spline f, plus lambda
     times the squared third derivative of f across its tangent; lambda maximises the marginal likelihood of the data, so
     that neither is noise fitted nor are bends flattened. The points may be one-sided, unevenly dense, noisy, with
-    strays and gaps. Of more than 8,000 points a subset is fitted first, and all of them in two last steps.
+    strays and gaps. Of more than 8,000 points a subset is fitted first; two last steps use all, or a million.
 
     Args:
         points: (M, 3) surface points, metres, in any order.
@@ -122,15 +126,16 @@ def refine(points: npt.ArrayLike, backbone: npt.ArrayLike, radius: float, *, fix
         raise FitError(f"a radius of {radius:g} m makes no tube", "give r in metres", stage="refine")
     origin = backbone.mean(axis=0)
     near = points - origin
-    rough = _rough(_columns(_some(near, _ROUGH_POINTS)), backbone - origin, radius)
-    few = len(points) <= _FINE_POINTS
-    columns = _columns(near if few else _some(near, _FINE_POINTS))
-    tube = _fine(columns, rough, fixed_radius)
-    if not few:
-        columns = _columns(near)
-    steps = 0 if few or tube.sigma > _SOLID * tube.radius else 2
-    tube = all_points(columns, tube, free_radius=not fixed_radius, steps=steps)
-    return _result(tube, origin, fixed_radius)
+    # Subsets of subsets: each is a random sample of the whole, the same one in whatever order the points come.
+    most = _some(near, _MOST_POINTS)
+    fine = _some(most, _FINE_POINTS)
+    rough = _rough(_columns(_some(fine, _ROUGH_POINTS)), backbone - origin, radius, fixed_radius)
+    tube = _fine(_columns(fine), rough, fixed_radius, radius)
+    more = most is not fine
+    steps = 2 if more and not tube.solid else 0
+    tube = all_points(_columns(most), tube, free_radius=not fixed_radius, steps=steps, search=more)
+    whole = tube if most is near else all_points(_columns(near), tube, free_radius=False, steps=0, search=True)
+    return _result(tube, whole, origin, fixed_radius)
 
 
 def _some(points: Array, count: int) -> Array:
@@ -142,12 +147,14 @@ def _columns(points: Array) -> Array:
     return np.ascontiguousarray(points.T)
 
 
-def _rough(points: Array, backbone: Array, radius: float) -> Tube:
+def _rough(points: Array, backbone: Array, radius: float, fixed_radius: bool) -> Tube:
     """Bring the backbone to the axis and follow it to the ends: (3, M) points, (K, 3) vertices."""
     nothing = np.zeros(points.shape[1])
     tube = Tube(from_polyline(backbone, _COARSE * radius, radius, 1.0), radius, 0.1 * radius, nothing, nothing)
     for step in range(_ROUNDS):
-        tube = gauss_newton(points, tube, free_radius=False, steps=1, floor=0.1, search=step % 2 == 0)
+        # The radius is freed when the axis is halfway right: from outside it, a circle can be fitted in two ways.
+        free = step > 0 and not fixed_radius
+        tube = gauss_newton(points, tube, free_radius=free, steps=1, floor=0.1, search=step % 2 == 0)
         grown = _on_support(tube, 1.0, _COARSE * radius, _ROUGH_INTERVALS)
         if step >= 2 and grown.curve.length < tube.curve.length + 0.5 * radius:
             break
@@ -155,11 +162,12 @@ def _rough(points: Array, backbone: Array, radius: float) -> Tube:
     return _on_support(tube, 0.7, _knot_spacing(tube), _MOST_INTERVALS)
 
 
-def _fine(points: Array, tube: Tube, fixed_radius: bool) -> Tube:
-    """The tube that fits best, from one that is nearly right: (3, M) points."""
+def _fine(points: Array, tube: Tube, fixed_radius: bool, radius: float) -> Tube:
+    """The tube that fits best, from one that is nearly right: (3, M) points. `radius` is for noise that hides it."""
     first = gauss_newton(points, tube, free_radius=not fixed_radius, steps=2, floor=0.02, search=True)
     if first.sigma > _SOLID * first.radius:
-        return gauss_newton(points, tube, free_radius=False, steps=8, floor=0.0, search=True, solid=True)
+        tube = replace(tube, radius=radius, solid=True)
+        return gauss_newton(points, tube, free_radius=False, steps=8, floor=LEAST_FLOOR, search=True)
     tube = _on_support(first, 0.7, _knot_spacing(first), _MOST_INTERVALS)
     return gauss_newton(points, tube, free_radius=not fixed_radius, steps=6, floor=LEAST_FLOOR)
 
@@ -215,15 +223,15 @@ def _first_full(counts: IntArray) -> int:
     return 0
 
 
-def _result(tube: Tube, origin: Array, fixed_radius: bool) -> Refined:
-    """What the fitted tube says, between the ends that its points show."""
+def _result(tube: Tube, whole: Tube, origin: Array, fixed_radius: bool) -> Refined:
+    """What the fitted tube says, between the ends that its points show; `whole` is the same with all points."""
     curve, radius, sigma = tube.curve, tube.radius, tube.sigma
+    grid, arc, _ = arc_table(curve)
     scale = max(sigma, _INLIER_FLOOR / _INLIER * radius)
     deviation = np.abs(tube.residual) / scale
-    inlier = (deviation < _INLIER) & tube.on_curve
-    grid, arc, _ = arc_table(curve)
     s = np.interp(tube.x, grid, arc)
-    first, last = find_ends(s[inlier], deviation[tube.on_curve], sigma)
+    inside = s[(deviation < _INLIER) & tube.on_curve]
+    first, last = find_ends(inside, deviation[tube.on_curve], sigma)
     start, end = first.position, last.position
     if not end - start > 0.1 * radius:
         raise FitError("the line has no length", "check r and units", stage="refine")
@@ -233,19 +241,24 @@ def _result(tube: Tube, origin: Array, fixed_radius: bool) -> Refined:
     kappa_std = _curvature_std(tube, float(np.interp(start + s_kappa * (end - start), arc, grid)))
     if fixed_radius:
         radius_std = 0.0
-    elif sigma > _SOLID * radius or tube.solution is None:
+    elif tube.solid or tube.solution is None:
         radius_std = np.inf
     else:
         radius_std = sigma / float(np.sqrt(tube.solution.schur))
     known = radius_std < _RADIUS_KNOWN * radius
-    gaps = find_gaps(s[inlier], start, end, radius)
+    gaps = find_gaps(inside, start, end, radius)
+
+    used = len(s)
+    if whole is not tube:
+        s, deviation = np.interp(whole.x, grid, arc), np.abs(whole.residual) / scale
+    inlier = (deviation < _INLIER) & (s > start - _INLIER * scale) & (s < end + _INLIER * scale) & whole.on_curve
     return Refined(
         skeleton=skeleton,
         radius=radius,
         radius_std=radius_std,
         radius_identifiable=known,
-        inliers=inlier & (s > start - _INLIER * scale) & (s < end + _INLIER * scale),
-        residuals=tube.distance - radius,
+        inliers=inlier,
+        residuals=whole.distance - radius,
         s=np.clip((s - start) / (end - start), 0.0, 1.0),
         noise=sigma,
         end_std=(first.std, last.std),
@@ -253,8 +266,8 @@ def _result(tube: Tube, origin: Array, fixed_radius: bool) -> Refined:
         max_curvature_s=s_kappa,
         curvature_std=kappa_std,
         gaps=gaps,
-        used=len(s),
-        findings=_findings(radius, radius_std, known, gaps),
+        used=used,
+        findings=_findings(skeleton, radius, radius_std, known, kappa, s_kappa, kappa_std, gaps),
     )
 
 
@@ -289,13 +302,29 @@ def _curvature_std(tube: Tube, x: float) -> float:
 
 
 def _findings(
-    radius: float, radius_std: float, known: bool, gaps: tuple[tuple[float, float], ...]
+    line: Skeleton,
+    radius: float,
+    radius_std: float,
+    known: bool,
+    kappa: float,
+    s_kappa: float,
+    kappa_std: float,
+    gaps: tuple[tuple[float, float], ...],
 ) -> tuple[Finding, ...]:
     """What a user should know about the fit."""
     findings = []
     if not known:
-        spread = f"{100.0 * radius_std / radius:.0f} %" if np.isfinite(radius_std) else "the noise hides it"
-        findings.append(
-            Finding("radius-unknown", f"the points do not tell the radius (standard deviation: {spread}): give r")
-        )
+        spread = f"to {100.0 * radius_std / radius:.0f} % only" if np.isfinite(radius_std) else "at this noise"
+        findings.append(Finding("radius-unknown", f"the points do not tell the radius {spread}: give r"))
+    for s0, s1 in gaps:
+        message = f"no points over {1e3 * (s1 - s0) * line.length:.0f} mm of the length: the line is bridged there"
+        findings.append(_at(line, "gap", message, "doubtful", 0.5 * (s0 + s1)))
+    if kappa_std > _BEND_KNOWN * kappa and kappa * line.length > _STRAIGHT:
+        message = f"the sharpest bend, radius {1e3 / kappa:.0f} mm, is known to {100.0 * kappa_std / kappa:.0f} % only"
+        findings.append(_at(line, "curvature-uncertain", message, "note", s_kappa))
     return tuple(findings)
+
+
+def _at(line: Skeleton, code: str, message: str, severity: str, s: float) -> Finding:
+    x, y, z = (float(value) for value in line(s)[0])
+    return Finding(code, message, severity, s, (x, y, z))

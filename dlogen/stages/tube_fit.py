@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -10,7 +10,16 @@ from scipy.linalg.lapack import dpbtrf, dpbtrs
 
 from dlogen.errors import FitError
 from dlogen.model import Array, BoolArray, IntArray
-from dlogen.stages.tube_curve import THIRD_DIFFERENCE, TubeCurve, dot, evened, foot_points, nearest, spline_values
+from dlogen.stages.tube_curve import (
+    THIRD_DIFFERENCE,
+    TubeCurve,
+    dot,
+    evened,
+    foot_points,
+    nearest,
+    nearest_by_cells,
+    spline_values,
+)
 
 #: Tukey's biweight constant: 98 % efficiency for Gaussian noise; strays are rarely so near the surface.
 _TUKEY = 6.0
@@ -290,6 +299,7 @@ class Tube:
         distance: (M,) distances of the points to the axis, metres.
         smoothing: see `Solution`; None as long as it is not known.
         solution: the last step of the fit, for covariances.
+        solid: the axis was fitted to the points themselves, since noise of the size of the radius hides the surface.
     """
 
     curve: TubeCurve
@@ -299,6 +309,7 @@ class Tube:
     distance: Array
     smoothing: float | None = None
     solution: Solution | None = None
+    solid: bool = False
 
     @property
     def residual(self) -> Array:
@@ -343,7 +354,7 @@ def tukey(residual: Array, scale: float) -> Array:
 
 
 def gauss_newton(
-    points: Array, tube: Tube, *, free_radius: bool, steps: int, floor: float, search: bool = False, solid: bool = False
+    points: Array, tube: Tube, *, free_radius: bool, steps: int, floor: float, search: bool = False
 ) -> Tube:
     """Gauss-Newton on the robust squared distances of points to a tube, until steps are small beside the noise.
 
@@ -359,7 +370,6 @@ def gauss_newton(
         floor: smallest scale of the robust weights, in radii. A scale below the error of the curve itself would make
             outliers of whole bends.
         search: look for the nearest place on the whole curve first, not only near the present feet.
-        solid: fit the axis to the points themselves, not to the surface (noise of the size of the radius).
 
     Returns:
         The tube after the last step; x and distances are those to the curve before it.
@@ -383,12 +393,14 @@ def gauss_newton(
                 stage="refine",
             )
         direction = offset / np.maximum(distance, 1e-12 * radius)
-        if solid:
+        if tube.solid:
             sums = _solid_normals(curve, k, t, direction, distance, near)
         else:
             residual = distance - expected
-            sigma = robust_scale(residual[near])
-            weight = np.where(near, tukey(residual, max(sigma, floor * radius)), 0.0)
+            scale = robust_scale(residual[near])
+            # A wrong radius shifts all residuals; only their spread about that is noise.
+            sigma = min(scale, robust_scale(residual[near] - np.median(residual[near])))
+            weight = np.where(near, tukey(residual, max(scale, floor * radius)), 0.0)
             sums = normals(k, t, direction, residual, weight, curve.intervals)
         problem = Linearisation(curve, sums, free_radius)
         solution = problem.best(smoothing, _LOG_ROUGH if floor >= 0.1 else _LOG_LAMBDA[0])
@@ -397,7 +409,7 @@ def gauss_newton(
         curve = evened(solution.curve)
         if problem.moved(solution) < 1e-6 * radius + 0.005 * sigma:
             break
-    return Tube(curve, radius, sigma, x, distance, smoothing, solution)
+    return Tube(curve, radius, sigma, x, distance, smoothing, solution, tube.solid)
 
 
 def _solid_normals(
@@ -413,30 +425,28 @@ def _solid_normals(
     return along + normals(k, t, sideways, np.zeros_like(distance), weight, curve.intervals)
 
 
-def all_points(points: Array, tube: Tube, *, free_radius: bool, steps: int) -> Tube:
+def all_points(points: Array, tube: Tube, *, free_radius: bool, steps: int, search: bool) -> Tube:
     """Steps as in `gauss_newton` over any number of points, in chunks, and the feet of all points at the end.
 
     Args:
-        points: (3, M), metres. If M is not the number of points that the tube was fitted to, their feet are looked for.
+        points: (3, M), metres.
         tube: a tube that is nearly right.
         free_radius: whether the radius is estimated.
         steps: number of steps; 0 only finds the feet.
+        search: whether the points are others than those of the tube, so that their feet have to be looked for.
 
     Returns:
         The tube with x and distance of every point to its curve.
     """
-    count = points.shape[1]
-    known = len(tube.x) == count
-    x = tube.x.copy() if known else np.empty(count)
-    distance = np.empty(count)
+    x = nearest_by_cells(tube.curve, points, 0.5 * tube.radius) if search else tube.x.copy()
+    distance = np.empty(len(x))
     for step in range(steps + 1):
         curve, radius = tube.curve, tube.radius
         expected = expected_distance(radius, tube.sigma)
         sums = None
-        for first in range(0, count, _CHUNK):
+        for first in range(0, len(x), _CHUNK):
             part = slice(first, first + _CHUNK)
-            start = x[part] if known else nearest(curve, points[:, part], 0.5 * radius)
-            x[part], k, t, offset = foot_points(curve, points[:, part], start, 1 if known else 2)
+            x[part], k, t, offset = foot_points(curve, points[:, part], x[part], 2 if search else 1)
             distance[part] = away = np.sqrt(dot(offset, offset))
             if step < steps:
                 near = (x[part] > 0.0) & (x[part] < curve.intervals)
@@ -444,13 +454,19 @@ def all_points(points: Array, tube: Tube, *, free_radius: bool, steps: int) -> T
                 direction = offset / np.maximum(away, 1e-12 * radius)
                 more = normals(k, t, direction, away - expected, weight, curve.intervals)
                 sums = more if sums is None else sums + more
-        known = True
+        search = False
         residual = distance - expected
         near = (x > 0.0) & (x < curve.intervals) & (np.abs(residual) < radius)
-        sigma = robust_scale(residual[near])
-        if sums is None:
-            return Tube(curve, radius, sigma, x, distance, tube.smoothing, tube.solution)
-        solution = Linearisation(curve, sums, free_radius).best(tube.smoothing)
-        radius = radius + solution.radius_step
-        tube = Tube(evened(solution.curve), radius, sigma, x, distance, solution.smoothing, solution)
+        if np.count_nonzero(near) < _FEWEST:
+            raise FitError("the line that was found is not near the points", "check r and units", stage="refine")
+        tube = replace(tube, sigma=robust_scale(residual[near]), x=x, distance=distance)
+        if sums is not None:
+            solution = Linearisation(curve, sums, free_radius).best(tube.smoothing)
+            tube = replace(
+                tube,
+                curve=evened(solution.curve),
+                radius=radius + solution.radius_step,
+                smoothing=solution.smoothing,
+                solution=solution,
+            )
     return tube

@@ -333,7 +333,7 @@ def _format_by_suffix(suffix: str) -> CloudFormat | None:
 
 def _os_hint(error: OSError) -> str:
     if isinstance(error, FileNotFoundError):
-        return "there is no such file: check the path"
+        return "check the path"
     if isinstance(error, PermissionError):
         return "you are not allowed to read it: check its permissions"
     return "check the path and the disk"

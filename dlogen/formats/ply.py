@@ -8,17 +8,15 @@ Written: coordinates (and normals) as `float` where that is exact and as `double
 from __future__ import annotations
 
 import re
-import struct
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
 from dlogen.errors import InputError
 from dlogen.formats import CloudFormat
 
 if TYPE_CHECKING:
-    from dlogen.model import Array, IntArray, RawCloud
-    from dlogen.records import Bytes, Place
+    from dlogen.model import Array, RawCloud
 
 _TYPES = {
     "char": "i1",
@@ -40,7 +38,6 @@ _TYPES = {
     "float32": "f4",
     "float64": "f8",
 }
-_STRUCT = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q"}
 _BYTE_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 _MAX_HEADER = 1 << 20
 _DAMAGED = "the header is damaged: export the file again"
@@ -49,10 +46,18 @@ _CAMERA = ("view_px", "view_py", "view_pz", *_AXES)
 
 
 @dataclass(frozen=True)
-class _Property:
+class Property:
+    """One property of an element.
+
+    Attributes:
+        name: its name.
+        type: numpy's code for a number, without the byte order ("f4").
+        count: the same for the count of a list; empty where the property is a single number.
+    """
+
     name: str
-    type: str  # numpy's code, without the byte order
-    count: str = ""  # the same of a list's count; empty for single numbers
+    type: str
+    count: str = ""
 
     @property
     def smallest(self) -> int:
@@ -61,10 +66,12 @@ class _Property:
 
 
 @dataclass(frozen=True)
-class _Element:
+class Element:
+    """One element of a header: so many rows, all with the same properties."""
+
     name: str
     rows: int
-    properties: tuple[_Property, ...]
+    properties: tuple[Property, ...]
 
     @property
     def what(self) -> str:
@@ -75,17 +82,21 @@ class _Element:
 
     @property
     def names(self) -> list[str]:
+        """Of the properties."""
         return [item.name for item in self.properties]
 
     @property
     def has_lists(self) -> bool:
+        """Whether rows can be of unlike size."""
         return any(item.count for item in self.properties)
 
 
 @dataclass(frozen=True)
-class _Header:
+class Header:
+    """What stands before the rows."""
+
     encoding: str
-    elements: tuple[_Element, ...]
+    elements: tuple[Element, ...]
     comments: tuple[str, ...]
     shape: tuple[int, int]  # columns and rows of an organised cloud; 0 where the header does not say
     size: int  # in bytes
@@ -109,7 +120,8 @@ def read(path: Path) -> RawCloud:
         InputError: damaged, cut off, or without coordinates.
     """
     from dlogen.model import RawCloud
-    from dlogen.records import locate, refuse_claim, split
+    from dlogen.ply_rows import read_binary, read_text
+    from dlogen.records import locate, refuse_claim, shorten, split
 
     with path.open("rb") as stream:
         header = _read_header(stream.read(_MAX_HEADER))
@@ -117,10 +129,11 @@ def read(path: Path) -> RawCloud:
         if vertex is None:
             names = ", ".join(element.name for element in header.elements) or "none"
             raise InputError(
-                f"there is no element 'vertex' in the PLY header (elements: {names})", "it holds no points"
+                f"there is no element 'vertex' in the PLY header (elements: {shorten(names)})",
+                "the file holds no points: export it again with its vertices",
             )
         fields = header.elements[vertex].names
-        points, normals = locate(fields)
+        points, normals = locate(["" if item.count else item.name for item in header.elements[vertex].properties])
         wanted = {vertex: points + (normals or [])}
         camera = _camera(header)
         if camera is not None:
@@ -135,7 +148,10 @@ def read(path: Path) -> RawCloud:
                 element.what, element.rows, smallest, available + is_text, at_most=is_text or element.has_lists
             )
         stream.seek(header.size)
-        tables = _read_text(stream, header, wanted) if is_text else _read_binary(stream, header, wanted)
+        if is_text:
+            tables = read_text(stream, header.elements, wanted)
+        else:
+            tables = read_binary(stream, header.elements, wanted, _BYTE_ORDERS[header.encoding])
 
     xyz, normal = split(tables[vertex])
     columns, rows = header.shape
@@ -199,7 +215,7 @@ def write(path: Path, cloud: RawCloud, encoding: str) -> None:
             stream.write(pose.astype(order + "f8").tobytes())
 
 
-def _read_header(head: bytes) -> _Header:
+def _read_header(head: bytes) -> Header:
     begin = re.match(rb"ply[ \t]*(\r\n|\n|\r)", head)
     if not begin:
         first = head[:40].splitlines()[0].decode("latin-1") if head else ""
@@ -235,7 +251,7 @@ class _HeaderBuilder:
         self.encoding = ""
         self.comments: list[str] = []
         self.info: list[str] = []
-        self.elements: list[tuple[str, int, list[_Property]]] = []
+        self.elements: list[tuple[str, int, list[Property]]] = []
 
     def add(self, line: str) -> None:
         from dlogen.records import whole_number
@@ -253,16 +269,16 @@ class _HeaderBuilder:
         elif keyword == "element" and len(words) >= 3:
             self.elements.append((" ".join(words[1:-1]), whole_number(words[-1], "the count"), []))
         elif keyword == "property" and len(words) >= 5 and words[1] == "list" and self.elements:
-            item = _Property(" ".join(words[4:]), _type(words[3]), _type(words[2]))
+            item = Property(" ".join(words[4:]), _type(words[3]), _type(words[2]))
             if item.count[0] == "f":
                 raise InputError("the count of a list is a whole number, not of this type")
             self.elements[-1][2].append(item)
         elif keyword == "property" and len(words) >= 3 and words[1] != "list" and self.elements:
-            self.elements[-1][2].append(_Property(" ".join(words[2:]), _type(words[1])))
+            self.elements[-1][2].append(Property(" ".join(words[2:]), _type(words[1])))
         else:
             raise InputError("it makes no sense here")
 
-    def build(self, size: int) -> _Header:
+    def build(self, size: int) -> Header:
         if not self.encoding:
             raise InputError("the PLY header has no line 'format'", _DAMAGED)
         shape = {}
@@ -272,9 +288,9 @@ class _HeaderBuilder:
             if match:
                 shape[match[1]] = int(match[2])
                 self.info.remove(text)
-        return _Header(
+        return Header(
             self.encoding,
-            tuple(_Element(name, rows, tuple(properties)) for name, rows, properties in self.elements),
+            tuple(Element(name, rows, tuple(properties)) for name, rows, properties in self.elements),
             (*self.comments, *self.info),
             (shape.get("cols", 0), shape.get("rows", 0)),
             size,
@@ -289,7 +305,7 @@ def _type(name: str) -> str:
     return _TYPES[name]
 
 
-def _camera(header: _Header) -> int | None:
+def _camera(header: Header) -> int | None:
     """The element that has the sensor pose, as PCL writes it."""
     index = header.index("camera")
     if index is None:
@@ -337,146 +353,6 @@ def _rotation(quaternion: Array) -> Array:
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     ).ravel()
-
-
-def _read_text(stream: BinaryIO, header: _Header, wanted: dict[int, list[int]]) -> dict[int, Array]:
-    """The wanted properties of the wanted elements, as float64 columns. All rows are checked."""
-    import numpy as np
-
-    from dlogen.records import TextRows
-
-    rows = TextRows(stream)
-    tables = {}
-    for index, element in enumerate(header.elements):
-        columns = wanted.get(index, [])
-        table = np.empty((element.rows if columns else 0, len(columns)))
-        done = 0
-        for values, first in rows.take(element.rows if element.properties else 0, element.what):
-            block = _text_columns(element, columns, values, first, done)
-            if columns:
-                table[done : done + len(block)] = block
-            done += len(first) - 1
-        if element.properties:
-            _refuse_missing(element, done)
-        tables[index] = table
-    rows.refuse_more(header.elements[-1].what)
-    return tables
-
-
-def _text_columns(element: _Element, columns: list[int], values: Array, first: IntArray, row: int) -> Array:
-    """Columns of a block of rows: numbers one after the other -> (k, len(columns))."""
-    import numpy as np
-
-    from dlogen.records import refuse_rows
-
-    width = len(element.properties)
-    if not element.has_lists:
-        refuse_rows(np.diff(first) != width, first, row, element.what, str(width))
-        return values.reshape(-1, width)[:, columns]
-    # Step through the properties, all rows at once: `at` is the number that each row has come to.
-    at, end = first[:-1], first[1:]
-    out = np.empty((len(at), len(columns)))
-    for index, item in enumerate(element.properties):
-        refuse_rows(at >= end, first, row, element.what, "as many as its lists need")
-        if index in columns:
-            out[:, columns.index(index)] = values[at]
-        at = at + 1
-        if item.count:
-            counts = values[at - 1]
-            fits = (counts >= 0) & (counts <= end - at) & (counts == np.floor(counts))
-            refuse_rows(~fits, first, row, element.what, "as many as its lists need")
-            at = at + counts.astype(np.intp)
-    refuse_rows(at != end, first, row, element.what, "as many as its lists need")
-    return out
-
-
-def _read_binary(stream: BinaryIO, header: _Header, wanted: dict[int, list[int]]) -> dict[int, Array]:
-    """The wanted properties of the wanted elements, as float64 columns. All elements have to be complete."""
-    import numpy as np
-
-    from dlogen.records import gather_table
-
-    data = np.fromfile(stream, dtype=np.uint8)
-    order = _BYTE_ORDERS[header.encoding]
-    tables = {}
-    start = 0
-    for index, element in enumerate(header.elements):
-        columns = wanted.get(index, [])
-        places, start = _places(data, element, order, start, columns)
-        codes = [order + element.properties[column].type for column in columns]
-        tables[index] = gather_table(data, list(zip(places, codes, strict=True)), element.rows if columns else 0)
-    return tables
-
-
-def _places(data: Bytes, element: _Element, order: str, start: int, columns: list[int]) -> tuple[list[Place], int]:
-    """Where the columns stand, and where the element ends.
-
-    Lists make rows of unlike size. In practice they are all of one length (triangles), which is checked for all
-    rows at once; only where they are not, the rows are walked one by one.
-    """
-    import numpy as np
-
-    from dlogen.records import gather, refuse_claim
-
-    if element.rows == 0:
-        return [(start, 0)] * len(columns), start
-    if not element.has_lists:
-        refuse_claim(element.what, element.rows, sum(item.smallest for item in element.properties), len(data) - start)
-    walk = _RowWalk(data, element, order)
-    first, row_end = walk(start, 0)
-    stride = row_end - start
-    if start + element.rows * stride <= len(data) and all(
-        (gather(data, (place, stride), order + item.count, element.rows) == length).all()
-        for place, item, length in zip(first, element.properties, walk.lengths, strict=True)
-        if item.count
-    ):
-        return [(first[index], stride) for index in columns], start + element.rows * stride
-    offsets = np.empty((element.rows if columns else 0, len(columns)), dtype=np.intp)
-    for row in range(element.rows):
-        places, start = walk(start, row)
-        if columns:
-            offsets[row] = [places[index] for index in columns]
-    return list(offsets.T), start
-
-
-class _RowWalk:
-    """Steps over one row of a binary element."""
-
-    def __init__(self, data: Bytes, element: _Element, order: str) -> None:
-        self.data = data.data
-        self.element = element
-        self.counts = [
-            struct.Struct(order + _STRUCT[item.count]) if item.count else None for item in element.properties
-        ]
-        self.sizes = [int(item.type[1]) for item in element.properties]
-        self.lengths = [0] * len(self.sizes)  # of the lists in the row stepped over last
-
-    def __call__(self, at: int, row: int) -> tuple[list[int], int]:
-        """First byte of each property in the row that starts at `at`, and the end of the row."""
-        places = []
-        for index, (count, size) in enumerate(zip(self.counts, self.sizes, strict=True)):
-            places.append(at)
-            if count is None:
-                at += size
-                continue
-            if at + count.size > len(self.data):
-                _refuse_missing(self.element, row)
-            (length,) = count.unpack_from(self.data, at)
-            if length < 0:
-                raise InputError(f"a list in row {row + 1} of the {self.element.what} has {length} numbers", _DAMAGED)
-            self.lengths[index] = length
-            at += count.size + length * size
-        if at > len(self.data):
-            _refuse_missing(self.element, row)
-        return places, at
-
-
-def _refuse_missing(element: _Element, holds: int) -> None:
-    """Refuse a file that has fewer rows than its header says."""
-    from dlogen.records import CUT_OFF
-
-    if holds < element.rows:
-        raise InputError(f"the header claims {element.rows} {element.what}, the file holds {holds}", CUT_OFF)
 
 
 FORMAT = CloudFormat(

@@ -185,6 +185,11 @@ class TestBinary:
         data = header("binary_little_endian", *vertex(4, "x", "y", "z", kind="double"), end=" \r\n")
         assert np.array_equal(read_bytes(data + POINTS.tobytes() + b"padding").points, POINTS)
 
+    def test_a_list_is_no_coordinate(self, read_bytes):
+        lines = ["element vertex 1", "property list uchar float x", "property float y", "property float z"]
+        with pytest.raises(InputError, match="no x coordinate"):
+            read_bytes(header("binary_little_endian", *lines) + bytes(13))
+
     @pytest.mark.parametrize("encoding", ORDERS)
     @pytest.mark.parametrize("lengths", [(3, 3, 3), (3, 4, 0)])
     def test_lists_before_and_after_the_vertices(self, read_bytes, encoding, lengths):

@@ -103,7 +103,7 @@ def contract(votes: Array, projected: BoolArray, radius: float, per_radius: floa
         position, weight = np.concatenate([position, dull]), np.concatenate([weight, dull_weight])
 
     density = _density(position, weight, radius)
-    kept = density > max(0.05 * per_radius, 0.6)
+    kept = density > max(0.05 * per_radius, min(0.1 * per_radius, 0.6))
     position, weight, blunt, density = position[kept], weight[kept], blunt[kept], density[kept]
     if len(position) == 0:
         return Nodes(position, position, weight, density)

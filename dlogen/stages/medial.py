@@ -155,6 +155,11 @@ def recentre(line: Array, points: Array, tree: cKDTree, radius: float, per_radiu
     if len(sparse):
         reach = float(np.clip(6.0 / per_radius, 1.2, 2.0))
         line, _ = _centring_steps(line, sparse, points, tree, radius, reach, 4, 3)
+    if per_radius < 10.0 and len(line) >= 8:
+        # The last two vertices have points on one side of them only. Where these are few, straight on is better.
+        for end in (line, line[::-1]):
+            step = (end[5] - end[2]) / 3.0
+            end[1], end[0] = end[2] - step, end[2] - 2.0 * step
     return line
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from dlogen.arclength import arc_length, even_parameters
 from dlogen.basis import Basis, CubicBSpline
+from dlogen.config import Config
 from dlogen.mdtw import mdtw
 from dlogen.model import Intermediate, Quality, Result, Skeleton
 from dlogen.polyline import resample
@@ -33,6 +34,7 @@ class CurveBasis:
 
     curve: Curve
     size: int = 3
+    margin: float = 0.0
 
     def __call__(self, s: Array, derivative: int = 0) -> Array:
         return self.curve(np.asarray(s, dtype=float), derivative)
@@ -118,7 +120,7 @@ def _make_result(
         "mdtw": mdtw(even, resample(chain.joints, 1000)),
         "residual": tube_residual(foot_points(points, line)[1], radius),
         "quality": Quality(),
-        "settings": {"material": {"name": "generic", "density": 1200.0}, "report": {"timings": True}, "seed": 0},
+        "settings": Config().to_dict() | {"r": radius, "e_max": e_max},
         "provenance": {"dlogen": "0", "input": "x.ply", "sha256": "0", "points": 400, "config": {}, "seed": 0},
         "timings": {"input": 0.001},
         "intermediates": (

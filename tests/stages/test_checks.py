@@ -1,0 +1,185 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlogen.errors import FitError
+from dlogen.stages.checks import MIN_POINTS, check_line, check_points, check_walk, on_surface
+from dlogen.stages.curvature import max_curvature
+from dlogen.stages.residual import foot_points
+from dlogen.synthetic import centre_line, random_centre_line, sample_tube
+
+
+def refusal(points, **options) -> str:
+    with pytest.raises(FitError) as error:
+        check_points(np.asarray(points, dtype=float), **options)
+    assert error.value.stage == "input"
+    assert error.value.hint
+    return error.value.message
+
+
+class TestPoints:
+    def test_tubes_pass_in_any_units_and_place(self, tube, half_tube) -> None:
+        for points in (tube.points, half_tube.points, 1000 * tube.points, tube.points + np.array([5e6, -4e6, 100.0])):
+            check_points(points)
+
+    def test_a_thin_straight_wire_along_an_axis_passes(self, exact_line) -> None:
+        rng = np.random.default_rng(0)
+        angle = rng.uniform(0, 2 * np.pi, 500)
+        wire = np.stack([rng.random(500), 1e-4 * np.cos(angle), 1e-4 * np.sin(angle)], axis=1)
+        check_points(wire)
+        check_points(wire + np.array([5e6, 0, 0]))
+
+    @pytest.mark.parametrize("count", [0, 1, MIN_POINTS - 1])
+    def test_too_few(self, count: int) -> None:
+        assert f"{count} points are too few" in refusal(np.random.default_rng(0).random((count, 3)))
+        check_points(np.random.default_rng(0).random((MIN_POINTS, 3)))
+
+    @pytest.mark.parametrize("place", [[0, 0, 0], [1, 2, 3], [5e6, 5e6, 0]])
+    def test_all_in_one_place(self, place) -> None:
+        assert "in one place" in refusal(np.tile(place, (100, 1)))
+        # What rounding leaves of one place is one place.
+        jitter = np.random.default_rng(0).choice([0, 1e-16], (100, 3))
+        assert "in one place" in refusal(np.tile(place, (100, 1)) * (1 + jitter) if any(place) else jitter * 0)
+
+    @pytest.mark.parametrize("axis", range(3))
+    def test_flat(self, axis: int) -> None:
+        points = np.random.default_rng(0).random((100, 3))
+        points[:, axis] = 0.7
+        assert f"flat: {'xyz'[axis]} is the same" in refusal(points)
+        check_points(points, surface=False)
+
+    def test_pixels(self) -> None:
+        pixels = np.random.default_rng(0).integers(0, 640, (500, 3))
+        pixels[:, 2] = 0
+        assert "pixel data" in refusal(pixels)
+        # Whole millimetres in space are no pixels.
+        pixels[:, 2] = np.arange(500) % 40
+        check_points(pixels.astype(float))
+
+
+def line_findings(line, cloud, radius: float):
+    _, distance = foot_points(cloud.points, line)
+    return check_line(line, radius, distance, on_surface(distance, radius), max_curvature(line))
+
+
+def walk_findings(line, cloud, unreached: int = 0):
+    s, distance = foot_points(cloud.points, line)
+    return check_walk(line, cloud.radius, s, on_surface(distance, cloud.radius), unreached)
+
+
+def codes(findings) -> dict[str, str]:
+    return {finding.code: finding.severity for finding in findings}
+
+
+class TestLine:
+    def test_a_good_fit_has_no_findings(self, exact_line, tube, half_tube, bent) -> None:
+        for cloud in (tube, half_tube, bent):
+            assert line_findings(exact_line(cloud.truth), cloud, cloud.radius) == []
+            assert walk_findings(exact_line(cloud.truth), cloud) == []
+
+    def test_noise_and_strays_are_no_findings_of_the_line(self, exact_line) -> None:
+        line = random_centre_line(3, clearance=0.08)
+        noisy = sample_tube(line, 0.015, 5000, 0, noise=0.001, stray_fraction=0.1)
+        assert line_findings(exact_line(line), noisy, 0.015) == []
+
+    def test_a_bend_tighter_than_the_radius(self, exact_line) -> None:
+        line = exact_line(centre_line("helical-printed"))
+        cloud = sample_tube(centre_line("helical-printed"), 0.02, 5000, 0)
+        found = line_findings(line, cloud, 0.02)
+        finding = next(item for item in found if item.code == "bend-tighter-than-radius")
+        assert finding.severity == "bad"
+        # The printed curve folds at the peaks of its sine, s = 1/6, 1/2, 5/6.
+        assert min(abs(finding.s - s) for s in (1 / 6, 1 / 2, 5 / 6)) < 0.01
+        assert np.array(finding.position) == pytest.approx(line(finding.s)[0])
+        assert "20 mm" in finding.message
+
+    def test_a_cloud_that_is_no_tube(self, exact_line, tube) -> None:
+        rng = np.random.default_rng(0)
+        ball = tube.truth(rng.random(3000)) + rng.normal(scale=0.02, size=(3000, 3))
+        line = exact_line(tube.truth)
+        _, distance = foot_points(ball, line)
+        found = codes(check_line(line, 0.015, distance, on_surface(distance, 0.015), (1.0, 0.5)))
+        assert "points-off-the-tube" in found
+        assert "radius-mismatch" in found
+
+    def test_a_radius_that_does_not_fit_the_points(self, exact_line, tube) -> None:
+        for wrong in (0.7 * tube.radius, 1.5 * tube.radius):
+            assert "radius-mismatch" in codes(line_findings(exact_line(tube.truth), tube, wrong))
+        assert codes(line_findings(exact_line(tube.truth), tube, 1.05 * tube.radius)) == {}
+
+    def test_millimetres_taken_for_metres(self, exact_line) -> None:
+        line = random_centre_line(3)
+
+        def large(s, derivative):
+            return 1000 * line.curve(s, derivative)
+
+        found = check_line(exact_line(large), 15.0, np.full(100, 15.0), np.ones(100, bool), (0.01, 0.5))
+        assert codes(found) == {"units": "doubtful"}
+        assert "1400 m" in found[0].message
+
+    def test_points_that_are_all_far_away(self, exact_line, tube) -> None:
+        line = exact_line(tube.truth)
+        found = codes(check_line(line, 0.015, np.full(100, 1.0), np.zeros(100, bool), (1.0, 0.5)))
+        assert found["points-off-the-tube"] == "bad"
+
+
+class TestOnSurface:
+    def test_clean_points_within_half_a_radius(self) -> None:
+        distance = np.array([0.010] * 50 + [0.0149, 0.0151, 0.0051, 0.0049, 0.5])
+        assert on_surface(distance, 0.010)[-5:].tolist() == [True, False, True, False, False]
+
+    def test_noise_widens_it_up_to_a_radius(self) -> None:
+        rng = np.random.default_rng(0)
+        distance = 0.010 + rng.normal(scale=0.002, size=5000)
+        assert on_surface(distance, 0.010).mean() > 0.999
+        assert not on_surface(np.array([*distance, 0.0201]), 0.010)[-1]
+
+
+class TestWalk:
+    @pytest.mark.parametrize(("share", "severity"), [(0.01, None), (0.05, "doubtful"), (0.3, "bad")])
+    def test_points_that_were_not_reached(self, exact_line, tube, share: float, severity) -> None:
+        found = codes(walk_findings(exact_line(tube.truth), tube, int(share * 5000)))
+        assert found == ({} if severity is None else {"points-not-reached": severity})
+
+    def test_gaps_where_they_are(self, exact_line) -> None:
+        truth = random_centre_line(3, clearance=0.08)
+        cloud = sample_tube(truth, 0.015, 5000, 0, gaps=[(0.2, 0.26), (0.7, 0.74)])
+        found = walk_findings(exact_line(truth), cloud)
+        assert [item.code for item in found] == ["gap", "gap"]
+        assert [item.s for item in found] == pytest.approx([0.23, 0.72], abs=0.002)
+        assert np.array([item.position for item in found]) == pytest.approx(truth([0.23, 0.72]), abs=0.005)
+        assert "84 mm" in found[0].message or "85 mm" in found[0].message
+        assert "56 mm" in found[1].message or "57 mm" in found[1].message
+
+    @pytest.mark.parametrize("seed", range(10))
+    def test_chance_makes_no_gaps(self, exact_line, seed: int) -> None:
+        truth = random_centre_line(seed, clearance=0.06)
+        for count in (300, 5000):
+            assert walk_findings(exact_line(truth), sample_tube(truth, 0.015, count, seed)) == []
+
+    def test_uneven_density_makes_no_gaps(self, exact_line) -> None:
+        truth = random_centre_line(3, clearance=0.08)
+        assert walk_findings(exact_line(truth), sample_tube(truth, 0.015, 5000, 0, density_ratio=10)) == []
+
+    def test_a_ring(self, circle) -> None:
+        ring = circle(0.3, 2 * np.pi * 0.995)
+        rng = np.random.default_rng(0)
+        s = rng.random(2000)
+        found = check_walk(ring, 0.01, s, np.ones(2000, bool), 0)
+        assert codes(found) == {"closed-ring": "bad"}
+
+    def test_a_horseshoe_and_a_hairpin_are_no_rings(self, circle, exact_line) -> None:
+        s = np.random.default_rng(0).random(2000)
+        horseshoe = circle(0.3, 1.8 * np.pi)  # ends far apart
+        assert check_walk(horseshoe, 0.01, s, np.ones(2000, bool), 0) == []
+
+        def hairpin(s, derivative):  # ends side by side, but the line does not go on from one into the other
+            t = 2 * s - 1
+            x, y = ((t**2, 0.02 * t), (4 * t, np.full_like(t, 0.04)))[derivative]
+            return np.stack([x, y, np.zeros_like(s)], axis=-1)
+
+        assert check_walk(exact_line(hairpin), 0.02, s, np.ones(2000, bool), 0) == []
+
+    def test_no_points_on_the_tube(self, circle) -> None:
+        assert check_walk(circle(0.3, 2.0), 0.01, np.zeros(5), np.zeros(5, bool), 0) == []

@@ -11,7 +11,7 @@ import zipfile
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -129,6 +129,7 @@ class TestRefusedByName:
             read_cloud(path)
         assert "permissions" in caught.value.hint
 
+    @settings(deadline=None)
     @given(st.binary(max_size=300))
     def test_any_bytes(self, tmp_path_factory, data):
         path = tmp_path_factory.getbasetemp() / "anything.bin"
@@ -152,6 +153,7 @@ class TestCleaning:
         assert cloud.viewpoint.tolist() == [1, 2, 3]
         assert cloud.source is None
 
+    @settings(deadline=None)
     @given(
         arrays(
             np.float64,
@@ -178,12 +180,12 @@ class TestCleaning:
     def test_neighbours_in_floating_point_are_two_points(self):
         assert len(clean([[1.0, 1.0, 1.0], [np.nextafter(1.0, 2.0), 1.0, 1.0]])) == 2
 
-    def test_a_million_points_are_checked_quickly(self):
-        points = np.random.default_rng(0).normal(size=(500_000, 3))
+    def test_duplicates_are_found_quickly(self):
+        points = np.random.default_rng(0).normal(size=(100_000, 3))
         points = np.concatenate([points, points])
-        best = min(_seconds(lambda: clouds._first_occurrences(points)) for _ in range(3))
-        assert len(clouds._first_occurrences(points)) == 500_000
-        assert best < 1.0  # about 0.1 s on a free machine
+        assert len(clouds._first_occurrences(points)) == 100_000
+        sorting_rows = _seconds(lambda: np.unique(points, axis=0))
+        assert _seconds(lambda: clouds._first_occurrences(points)) < sorting_rows / 2  # a tenth on a free machine
 
     def test_few_unusable_normals_become_zero(self):
         points = np.random.default_rng(0).normal(size=(1000, 3))
@@ -338,6 +340,10 @@ class TestWriting:
 
 
 def _seconds(function):
-    start = time.perf_counter()
-    function()
-    return time.perf_counter() - start
+    """Of the fastest of three calls."""
+    taken = []
+    for _ in range(3):
+        start = time.perf_counter()
+        function()
+        taken.append(time.perf_counter() - start)
+    return min(taken)

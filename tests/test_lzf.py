@@ -17,11 +17,13 @@ _data = st.one_of(
 )
 
 
+@settings(deadline=None)
 @given(_data)
 def test_round_trip(data):
     assert decompress(compress(data), len(data)) == data
 
 
+@settings(deadline=None)
 @given(_data)
 def test_the_other_implementation_agrees(data):
     lzf = pytest.importorskip("lzf")
@@ -67,7 +69,7 @@ def test_damage_is_refused(stream, size, message):
         decompress(stream, size)
 
 
-@settings(max_examples=300)
+@settings(max_examples=300, deadline=None)
 @given(st.binary(max_size=200), st.integers(0, 400))
 def test_any_bytes_give_the_size_or_an_error(stream, size):
     with contextlib.suppress(ValueError):

@@ -76,7 +76,7 @@ class Cloud:
 
     Attributes:
         points: (M, 3) float64.
-        normals: (M, 3) float64 as stored in the file, or None.
+        normals: (M, 3) as stored in the file but of unit length (zero for the few that are not usable), or None.
         viewpoint: (3,) position of the sensor in the frame of the points, or None.
         dropped: counts of what was left out on reading.
         source: file that it was read from; None for arrays.

@@ -19,7 +19,7 @@ from dlogen.errors import UsageError
 from dlogen.model import Array, BoolArray, IntArray, RawCloud
 from dlogen.synthetic import CentreLine, hose_centre_line
 
-#: Spheres along the axis this many radii apart: their union is within 1e-3 radii of the tube.
+#: Spheres along the axis this many radii apart: their union is within 1e-3 radii of a straight tube.
 _SPHERE_SPACING = 0.08
 
 #: Ray-sphere pairs that are worked on at a time.
@@ -133,7 +133,7 @@ def _refuse_bad_view(line: CentreLine, radius: float, camera: Camera, distance: 
     upper = float(axis[:, 2].min()) - radius
     half = 0.5 * np.array([camera.width - 1, camera.height - 1]) / camera.focal
     needed = max(float(((np.abs(axis[:, :2]) + radius) / half).max()), camera.nearest)
-    if camera.nearest <= distance <= camera.farthest and upper >= needed:
+    if camera.nearest <= distance <= camera.farthest and upper >= needed - 1e-9:
         return
     least = math.ceil(100.0 * (needed + distance - upper)) / 100.0
     between = f"{camera.name} measures depths from {camera.nearest:g} to {camera.farthest:g} m"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import tempfile
 from collections.abc import Callable, Mapping
@@ -16,7 +17,8 @@ def refuse_existing(paths: list[Path], force: bool) -> None:
     Raises:
         UsageError: a path exists and `force` is not set.
     """
-    existing = [path for path in paths if path.exists()]
+    # lexists: a link that leads nowhere would be replaced as well.
+    existing = [path for path in paths if os.path.lexists(path)]
     if existing and not force:
         more = f" and {len(existing) - 1} more" if len(existing) > 1 else ""
         raise UsageError(f"output exists: {existing[0]}{more}", "use --force to overwrite, or -o for another folder")
@@ -25,7 +27,7 @@ def refuse_existing(paths: list[Path], force: bool) -> None:
 def write_all(contents: Mapping[Path, bytes]) -> None:
     """Write all files or none: each to a temporary name beside its place first, then renamed.
 
-    Folders are made as needed.
+    Folders are made as needed, and removed again when a file cannot be written.
 
     Raises:
         UsageError: the place cannot be written.
@@ -40,10 +42,15 @@ def write_with(writers: Mapping[Path, Callable[[Path], None]]) -> None:
         UsageError: the place cannot be written.
     """
     staged: list[tuple[Path, Path]] = []
+    made: list[Path] = []
     target = Path()
     try:
+        for target in writers:
+            # Found out now: when renaming it is too late, files before this one would have been written.
+            if target.is_dir():
+                raise UsageError("it is a folder", "choose another folder with -o, or rename it", path=target)
         for target, writer in writers.items():
-            target.parent.mkdir(parents=True, exist_ok=True)
+            made += _make_folder(target.parent)
             handle, name = tempfile.mkstemp(prefix=".dlogen-", suffix=target.suffix, dir=target.parent)
             os.close(handle)
             staged.append((Path(name), target))
@@ -54,6 +61,7 @@ def write_with(writers: Mapping[Path, Callable[[Path], None]]) -> None:
             temporary, target = staged[0]
             temporary.replace(target)
             staged.pop(0)
+        made.clear()
     except OSError as error:
         raise UsageError(
             f"cannot write: {error.strerror or error}",
@@ -63,6 +71,16 @@ def write_with(writers: Mapping[Path, Callable[[Path], None]]) -> None:
     finally:
         for temporary, _ in staged:
             temporary.unlink(missing_ok=True)
+        for folder in reversed(made):
+            with contextlib.suppress(OSError):  # somebody else has put something there meanwhile
+                folder.rmdir()
+
+
+def _make_folder(folder: Path) -> list[Path]:
+    """Make a folder and those above it that are missing; returns the ones made, the highest first."""
+    missing = [parent for parent in (folder, *folder.parents) if not parent.exists()][::-1]
+    folder.mkdir(parents=True, exist_ok=True)
+    return missing
 
 
 def _bytes_writer(data: bytes) -> Callable[[Path], None]:

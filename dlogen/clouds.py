@@ -118,7 +118,10 @@ def clean(
     if normals is not None:
         normals = _vectors(normals, "normals")
         if len(normals) != len(points) + non_finite + duplicates:
-            raise InputError(f"there are {len(normals)} normals for {len(points) + non_finite + duplicates} points")
+            raise InputError(
+                f"there are {len(normals)} normals for {len(points) + non_finite + duplicates} points",
+                "give one for each, or none",
+            )
         unit = _unit(normals[keep])
     position = None if viewpoint is None else np.asarray(viewpoint, dtype=np.float64)
     return Cloud(points, unit, position, Dropped(non_finite, duplicates))
@@ -189,7 +192,7 @@ def _raw(
         raw = RawCloud(cloud.points, cloud.normals)
         viewpoint = cloud.viewpoint if viewpoint is None else viewpoint
     else:
-        raw = RawCloud(np.asarray(cloud))
+        raw = RawCloud(_vectors(cloud, "points"))
     normals = raw.normals if normals is None else normals
     pose = raw.viewpoint if viewpoint is None else np.asarray(viewpoint, dtype=np.float64)
     if pose is not None:

@@ -17,7 +17,7 @@ from hypothesis.extra.numpy import arrays
 
 import dlogen
 from dlogen import clouds
-from dlogen.clouds import clean, read_cloud, read_raw, write_cloud
+from dlogen.clouds import clean, cloud_bytes, read_cloud, read_raw, write_cloud
 from dlogen.errors import InputError, UsageError
 from dlogen.model import Cloud, RawCloud
 
@@ -216,6 +216,10 @@ class TestCleaning:
             clean(points)
         assert caught.value.hint
 
+    def test_one_normal_for_each_point(self):
+        with pytest.raises(InputError, match="3 normals for 4 points"):
+            clean(POINTS, POINTS[:3])
+
     def test_integers_and_lists(self):
         assert clean([[1, 2, 3], [4, 5, 6]]).points.dtype == np.float64
 
@@ -328,6 +332,19 @@ class TestWriting:
             write_cloud(tmp_path / name, POINTS, **keywords)
         assert caught.value.hint
         assert list(tmp_path.iterdir()) == []
+
+    @pytest.mark.parametrize("points", [[[1, 2, 3], [4, 5]], [["a", "b", "c"]], [1, 2, 3], np.zeros((4, 2))])
+    def test_points_of_no_shape(self, tmp_path, points):
+        with pytest.raises(UsageError, match="the points"):
+            write_cloud(tmp_path / "cloud.ply", points)
+
+    @pytest.mark.parametrize("name", ["cloud.ply", "cloud.pcd"])
+    def test_bytes_of_a_file(self, tmp_path, name):
+        write_cloud(tmp_path / name, POINTS, encoding="ascii")
+        assert cloud_bytes(name, POINTS, encoding="ascii") == (tmp_path / name).read_bytes()
+        with pytest.raises(UsageError) as caught:
+            cloud_bytes("cloud.stl", POINTS)
+        assert caught.value.path == "cloud.stl"
 
     def test_a_shape_that_does_not_fit(self, tmp_path):
         with pytest.raises(UsageError, match="3 x 2 pixels do not fit 4 points"):

@@ -71,7 +71,8 @@ def find_gaps(s: Array, start: float, end: float, radius: float) -> tuple[tuple[
     low, high = np.maximum(i - _NEAR, 0), np.minimum(i + 1 + _NEAR, len(s) - 1)
     before = (s[i] - s[low]) / np.maximum(i - low, 1)
     after = (s[high] - s[i + 1]) / np.maximum(high - i - 1, 1)
-    before[i == low], after[high == i + 1] = np.inf, np.inf
+    # Two or three points happen to lie close together.
+    before[i - low < _NEAR // 2], after[high - i - 1 < _NEAR // 2] = np.inf, np.inf
     wide = np.flatnonzero(steps > np.maximum(radius, _UNLIKELY * np.minimum(before, after)))
     return tuple((float((s[j] - start) / (end - start)), float((s[j + 1] - start) / (end - start))) for j in wide)
 

@@ -29,13 +29,16 @@ from dlogen.stages.ordering import order
 from dlogen.stages.projection import project
 from dlogen.stages.refine import refine
 from dlogen.stages.residual import foot_points, tube_residual
-from dlogen.stages.scale import estimate_scale
+from dlogen.stages.scale import estimate_scale, thinned
 from dlogen.stages.skeleton import choose_beta, fit_skeleton, paper_basis
 from dlogen.stages.sorting import default_start, sort_points
 from dlogen.units import METRES, guess_units
 
 #: Points of the skeleton line in the outputs.
 SKELETON_POINTS = 1000
+
+#: Of larger clouds this many points are used: with the noise of any sensor more do not change the line.
+MOST_POINTS = 2_000_000
 
 
 def fit(
@@ -71,9 +74,11 @@ def fit(
         scale = METRES[settings["units"]]
         # All stages work near the origin: survey coordinates of 5e6 m would cost them nine digits.
         centre = 0.5 * (cloud.points.min(axis=0) + cloud.points.max(axis=0))
+        used = thinned(cloud.points, MOST_POINTS) if len(cloud) > MOST_POINTS else slice(None)
         near = replace(
             cloud,
-            points=(cloud.points - centre) * scale,
+            points=(cloud.points[used] - centre) * scale,
+            normals=None if cloud.normals is None else cloud.normals[used],
             viewpoint=None if cloud.viewpoint is None else (cloud.viewpoint - centre) * scale,
         )
 
@@ -109,7 +114,7 @@ def fit(
         residual=tube_residual(line.distance[line.on_tube], line.radius),
         quality=Quality((*line.findings, *findings)),
         settings=settings,
-        provenance=_provenance(cloud, settings),
+        provenance=_provenance(cloud, len(near), settings),
         timings=clock.seconds,
         intermediates=line.intermediates,
     )
@@ -307,15 +312,17 @@ def _stem(cloud: Cloud) -> str:
     return "cloud" if cloud.source is None else cloud.source.name.rsplit(".", 1)[0]
 
 
-def _provenance(cloud: Cloud, settings: dict[str, Any]) -> dict[str, Any]:
+def _provenance(cloud: Cloud, used: int, settings: dict[str, Any]) -> dict[str, Any]:
     """Where the chain came from; the same for the same input, wherever and whenever it is made."""
     source = cloud.source
     digest = source.sha256 if source else hashlib.sha256(np.ascontiguousarray(cloud.points).tobytes()).hexdigest()
     return {
         "dlogen": __version__,
-        "input": source.name if source else None,
+        # File names need not be Unicode, JSON is.
+        "input": source.name.encode("utf-8", "replace").decode() if source else None,
         "sha256": digest,
         "points": len(cloud.points),
+        "points_used": used,
         "dropped": {"non_finite": cloud.dropped.non_finite, "duplicates": cloud.dropped.duplicates},
         "seed": settings["seed"],
         "config": settings,

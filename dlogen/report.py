@@ -62,6 +62,7 @@ def report_dict(result: Result, reference: dict[str, Any] | None = None) -> dict
         "units": {"length": "m", "time": "s"},
         "profile": result.profile,
         "points": result.provenance["points"],
+        "points_used": result.provenance["points_used"],
         "length": result.skeleton.length,
         "segment_count": len(result.chain.lengths),
         "segment_length": result.joints.segment_length,

@@ -121,7 +121,7 @@ def _make_result(
         "residual": tube_residual(foot_points(points, line)[1], radius),
         "quality": Quality(),
         "settings": Config().to_dict() | {"r": radius, "e_max": e_max},
-        "provenance": {"dlogen": "0", "input": "x.ply", "sha256": "0", "points": 400, "config": {}, "seed": 0},
+        "provenance": {"dlogen": "0", "input": "x.ply", "sha256": "0", "points": 400, "points_used": 400, "config": {}, "seed": 0},
         "timings": {"input": 0.001},
         "intermediates": (
             Intermediate("normals", points, {f"n{axis}": normals[:, i] for i, axis in enumerate("xyz")}),

@@ -77,21 +77,28 @@ def spatial_sample(points: Array, count: int) -> IntArray:
     Returns:
         (K,) indices.
     """
-    index = np.arange(len(points))
-    if len(points) > count:
-        share = count / len(points)
-        index = np.concatenate(
-            [
-                start + np.flatnonzero(_hash(points[start : start + 65536]) < share)
-                for start in range(0, len(points), 65536)
-            ]
-        )
+    index = thinned(points, count)
     chosen = points[index]
     order = np.lexsort(chosen.T[::-1])
     chosen = chosen[order]
     fresh = np.ones(len(order), dtype=bool)
     fresh[1:] = (chosen[1:] != chosen[:-1]).any(axis=1)
     return index[order[fresh]]
+
+
+def thinned(points: Array, count: int) -> IntArray:
+    """Indices, ascending, of about `count` points; which ones depends on each point alone, not on their order.
+
+    Args:
+        points: (M, 3) the cloud.
+        count: about how many; all if there are not more.
+    """
+    if len(points) <= count:
+        return np.arange(len(points))
+    share, block = count / len(points), 65536
+    return np.concatenate(
+        [start + np.flatnonzero(_hash(points[start : start + block]) < share) for start in range(0, len(points), block)]
+    )
 
 
 def _hash(points: Array) -> Array:

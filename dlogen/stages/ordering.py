@@ -44,6 +44,8 @@ _BRANCH = 5.0
 _SMALL_GAP, _LARGE_GAP = 0.05, 0.3
 #: The most points that are taken for beads on a string.
 _BEADS = 200
+#: Axes that come nearer to each other than this, in radii, belong to strands that merge.
+_MERGED = 1.0
 #: Strands that touch for longer than this, in radii, run side by side.
 _SIDE_BY_SIDE = 10.0
 
@@ -146,7 +148,9 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
     ]
     bridges = _bridges(line, sample, tree, r)
     findings += _about_bridges(bridges, line, r, origin)
-    findings += _about_crossings(bridges, line, r, origin)
+    if not any(item.code == "closed-ring" and item.severity == "bad" for item in findings):
+        # The two ends of a ring overlap.
+        findings += _about_crossings(line, r, origin)
     return Ordering(
         backbone=line.points + origin,
         radius=r,
@@ -361,7 +365,7 @@ def _gap_finding(gap: float, share: float, s: float, place: tuple[float, float, 
     return Finding("gap", message, "note" if share < _SMALL_GAP and cost < 0.6 else "doubtful", s, place)
 
 
-def _about_crossings(bridges: list[Bridge], line: _Line, r: float, origin: Array) -> list[Finding]:
+def _about_crossings(line: _Line, r: float, origin: Array) -> list[Finding]:
     """Places where the line comes within touch of itself."""
     s = arc_lengths(line.points)
     pairs = cKDTree(line.points).query_pairs(2.7 * r, output_type="ndarray")
@@ -377,6 +381,13 @@ def _about_crossings(bridges: list[Bridge], line: _Line, r: float, origin: Array
         place = _place(middle.mean(axis=0) + origin)
         at = float(s[group[:, 0]].mean() / s[-1])
         run = float(s[group[:, 0].max()] - s[group[:, 0].min()])
+        strands = [line.points[max(side.min() - 1, 0) : side.max() + 2] for side in group.T]
+        fine = [resample(strand, 8 * len(strand)) for strand in strands]
+        if float(cKDTree(fine[0]).query(fine[1])[0].min()) < _MERGED * r:
+            # Tubes that touch have their axes two radii apart.
+            message = "strands run into one another: the object branches here, or is badly resolved"
+            findings.append(Finding("branch", message, "bad", at, place))
+            continue
         if run > _SIDE_BY_SIDE * r:
             message = f"two strands run side by side for {_millimetres(run)}: they may have been mixed up"
             findings.append(Finding("side-by-side", message, "doubtful", at, place))

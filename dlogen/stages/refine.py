@@ -78,7 +78,7 @@ class Refined:
         max_curvature: the largest curvature, 1/m.
         max_curvature_s: where it is.
         curvature_std: standard deviation of the curvature there, 1/m.
-        gaps: (s0, s1) of stretches without points.
+        gaps: (s0, s1) of stretches without points, which chance does not explain.
         used: how many points the last steps used.
         findings: what a user should know.
     """
@@ -267,7 +267,7 @@ def _result(tube: Tube, whole: Tube, origin: Array, fixed_radius: bool) -> Refin
         curvature_std=kappa_std,
         gaps=gaps,
         used=used,
-        findings=_findings(skeleton, radius, radius_std, known, kappa, s_kappa, kappa_std, gaps),
+        findings=_findings(skeleton, radius, radius_std, known, kappa, s_kappa, kappa_std),
     )
 
 
@@ -309,22 +309,14 @@ def _findings(
     kappa: float,
     s_kappa: float,
     kappa_std: float,
-    gaps: tuple[tuple[float, float], ...],
 ) -> tuple[Finding, ...]:
-    """What a user should know about the fit."""
+    """What a user should know about the fit; gaps are judged by the ordering, which bridged them."""
     findings = []
     if not known:
         spread = f"to {100.0 * radius_std / radius:.0f} % only" if np.isfinite(radius_std) else "at this noise"
         findings.append(Finding("radius-unknown", f"the points do not tell the radius {spread}: give r"))
-    for s0, s1 in gaps:
-        message = f"no points over {1e3 * (s1 - s0) * line.length:.0f} mm of the length: the line is bridged there"
-        findings.append(_at(line, "gap", message, "doubtful", 0.5 * (s0 + s1)))
     if kappa_std > _BEND_KNOWN * kappa and kappa * line.length > _STRAIGHT:
+        x, y, z = (float(value) for value in line(s_kappa)[0])
         message = f"the sharpest bend, radius {1e3 / kappa:.0f} mm, is known to {100.0 * kappa_std / kappa:.0f} % only"
-        findings.append(_at(line, "curvature-uncertain", message, "note", s_kappa))
+        findings.append(Finding("curvature-uncertain", message, "note", s_kappa, (x, y, z)))
     return tuple(findings)
-
-
-def _at(line: Skeleton, code: str, message: str, severity: str, s: float) -> Finding:
-    x, y, z = (float(value) for value in line(s)[0])
-    return Finding(code, message, severity, s, (x, y, z))

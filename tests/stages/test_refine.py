@@ -124,8 +124,6 @@ def test_gaps_are_found_where_they_are(noisy_fit):
     cloud = synthetic.sample_tube(random_line(6), 12 * MM, 5000, 8, noise=0.5 * MM, gaps=[(0.3, 0.34), (0.62, 0.66)])
     out = fit(cloud)
     assert np.allclose(out.gaps, [(0.3, 0.34), (0.62, 0.66)], atol=0.004)
-    assert [finding.code for finding in out.findings] == ["gap", "gap"]
-    assert np.allclose([finding.position for finding in out.findings], cloud.truth([0.32, 0.64]), atol=2 * MM)
     assert noisy_fit.gaps == ()
     assert noisy_fit.findings == ()
 

@@ -189,3 +189,15 @@ def test_the_order_of_the_points_does_not_matter(tube, profile: str) -> None:
         chain_dict(fit(Cloud(p), {"profile": profile, "r": 0.015})) for p in (tube.points, tube.points[order])
     )
     assert np.array(permuted["joints"]) == pytest.approx(np.array(straight["joints"]), abs=1e-7)
+
+
+def test_a_name_that_is_no_unicode(tube, make_result, fitted) -> None:
+    import os
+
+    from dlogen.model import Source
+
+    name = os.fsdecode(b"gr\xf6\xdfe.ply")  # Latin-1 on a file system that knows bytes only
+    source = Source(name, "ply", "ascii", ("x", "y", "z"), 5000, 5000, 1, "0" * 64)
+    result = fit(Cloud(tube.points, source=source), {"profile": "paper"})
+    text = dump_json(chain_dict(result)).encode()
+    assert json.loads(text)["provenance"]["input"] == "gr??e.ply"

@@ -114,12 +114,12 @@ def test_the_skeleton_can_be_evaluated_again(exact_line, fitted, make_result, ba
     points = np.array(skeleton["points"])
     assert points.shape == (1000, 3)
     # At the joints' s, and at s found from even arc length by brute force.
-    fine = np.linspace(0, 1, 200_001)
+    fine = np.linspace(0, 1, 50_001)
     curve = evaluate(skeleton["basis"], fine)
     along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
-    assert along[-1] == pytest.approx(skeleton["length"], rel=1e-8)
+    assert along[-1] == pytest.approx(skeleton["length"], rel=1e-7)
     s = np.interp(np.linspace(0, along[-1], 1000), along, fine)
-    assert evaluate(skeleton["basis"], s) == pytest.approx(points, abs=1e-7)
+    assert evaluate(skeleton["basis"], s) == pytest.approx(points, abs=1e-6)
 
 
 def test_joints_lie_on_the_skeleton_at_their_s(data) -> None:

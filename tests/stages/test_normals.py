@@ -84,7 +84,7 @@ def test_more_points_and_less_noise_are_better() -> None:
         return float(np.median(angles(normals, cloud.normals)))
 
     clean = error(5000)
-    assert error(20_000) < 0.6 * clean
+    assert error(12_000) < 0.75 * clean
     assert error(1000) > clean
     assert clean < error(5000, 0.001) < 10
 
@@ -171,7 +171,7 @@ def test_no_viewpoint_spoils_a_full_tube(tube, viewpoint) -> None:
     assert oriented(tube, viewpoint=on_a_point) > 0.995
 
 
-@pytest.mark.parametrize("count", [1000, 5000, 20_000])
+@pytest.mark.parametrize("count", [1000, 5000, 12_000])
 def test_orientation_for_densities(count: int) -> None:
     line = random_centre_line(0, clearance=0.08)
     assert oriented(sample_tube(line, 0.015, count, 0)) > 0.995

@@ -99,7 +99,7 @@ def test_it_goes_both_ways_from_the_middle_and_one_way_from_the_ends(tube) -> No
         assert {int(order.index[0]), int(order.index[-1])} == {int(np.argmin(tube.s)), int(np.argmax(tube.s))}
 
 
-@settings(deadline=None, max_examples=15)
+@settings(deadline=None, max_examples=8)
 @given(st.integers(0, 10_000))
 def test_the_order_of_the_input_does_not_show(tube, seed: int) -> None:
     points, normals = estimated(tube)

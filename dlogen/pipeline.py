@@ -171,8 +171,20 @@ def _refined_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock:
             Intermediate("tube", points[along], {"s": s[along], "residual": residual[along]}, colour="s"),
             Intermediate("off_tube", points[~on_tube], {"residual": residual[~on_tube]}),
         ),
-        (*ordering.findings, *fitted.findings),
+        _merged(ordering.findings, fitted.findings),
     )
+
+
+def _merged(rough: tuple[Finding, ...], fine: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """The findings of the ordering and of the fit; a gap that both saw is one, and as doubtful as either says."""
+    out = list(rough)
+    for item in fine:
+        for other in rough:
+            if item.code == other.code == "gap" and abs((item.s or 0.0) - (other.s or 0.0)) < 0.03:
+                out.remove(other)
+                item = replace(item, severity=Quality((item, other)).verdict.replace("good", "note"))
+        out.append(item)
+    return tuple(out)
 
 
 def _paper_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock: _Clock) -> _Line:

@@ -61,6 +61,10 @@ _UNEVEN = 5e-5
 _INLIER, _INLIER_FLOOR = 4.0, 0.02
 
 
+#: Gaps below this share of the length are bridged without doubt.
+_SMALL_GAP = 0.05
+
+
 @dataclass(frozen=True, eq=False)
 class Refined:
     """The refined skeleton line, with what is known about its accuracy.

@@ -15,11 +15,11 @@ from dlogen.model import Array, BoolArray, Cloud, Dropped, RawCloud
 #: Standard deviations of the difference between scene and background that make an object.
 _SIGMAS = 5.0
 
-#: Points of one object are no farther apart than this many spacings.
-_LINK = 4.0
+#: Points of one object are no farther apart than this many of its spacings, or of the scene's.
+_LINK, _LINK_SCENE = 4.0, 10.0
 
-#: Parts with fewer points than this share of the largest are specks.
-_SPECK = 0.05
+#: Parts with fewer points than this share of the largest are specks, and those with fewer points than that.
+_SPECK, _FEWEST = 0.05, 10
 
 #: Parts are told by at most this many points, which bounds the memory for pairs of neighbours.
 _MOST = 200_000
@@ -46,7 +46,7 @@ def extract(
         The object's points in the scene's frame, with the scene's viewpoint.
 
     Raises:
-        FitError: nothing, or nearly everything, differs from the background.
+        FitError: nothing, or nearly everything, differs from the background, or only specks do.
         InputError: a cloud without points, or organised clouds of different sizes or poses.
     """
     seen = int(_finite(scene).sum())
@@ -59,15 +59,13 @@ def extract(
         differs = differing_points(scene.points, background.points, threshold)
     index = np.flatnonzero(differs)
     if len(index) > 0:
-        index = index[main_parts(scene.points[index])]
+        spacing = _spacing(cKDTree(scene.points[_finite(scene)]))
+        index = index[main_parts(scene.points[index], _LINK_SCENE * spacing)]
     if len(index) == 0:
         raise FitError("nothing differs from the background", "lower --threshold, or check the two files")
     share = len(index) / seen
     if share > _LARGEST_SHARE:
-        raise FitError(
-            f"{100 * share:.0f} % of the scene differ from the background: the camera or the table moved",
-            "take both with the same pose, or raise --threshold",
-        )
+        raise _moved(f"{100 * share:.0f} % of the scene differ from the background")
     whole = Cloud(
         scene.points[index],
         None if scene.normals is None else scene.normals[index],
@@ -83,6 +81,16 @@ def down_sample(cloud: Cloud, count: int, seed: int = 0) -> Cloud:
         return cloud
     index = np.sort(np.random.default_rng(seed).choice(len(cloud), count, replace=False))
     return replace(cloud, points=cloud.points[index], normals=None if cloud.normals is None else cloud.normals[index])
+
+
+def _moved(what: str) -> FitError:
+    return FitError(f"{what}: the camera or the table moved", "take both with the same pose, or set --threshold")
+
+
+def _spacing(tree: cKDTree) -> float:
+    """Median distance from a point to the second nearest one; of a sample where there are many points."""
+    sample = tree.data[:: max(1, tree.n // 5000)]
+    return float(np.median(tree.query(sample, min(tree.n, 3))[0].reshape(len(sample), -1)[:, -1]))
 
 
 def _finite(cloud: RawCloud) -> BoolArray:
@@ -152,46 +160,53 @@ def differing_points(scene: Array, background: Array, threshold: float | None = 
 
     Returns:
         (M,) booleans.
+
+    Raises:
+        FitError: without a threshold, and most of the scene is not where the background is.
     """
     finite = np.isfinite(scene).all(axis=1)
     known = background[np.isfinite(background).all(axis=1)]
     tree = cKDTree(known)
     distance = tree.query(scene[finite])[0]
     if threshold is None:
-        sample = known[:: max(1, len(known) // 5000)]
-        spacing = float(np.median(tree.query(sample, 2)[0][:, 1])) if len(known) > 1 else 0.0
-        lower = distance[distance <= np.median(distance)]
+        spacing, middle = _spacing(tree), float(np.median(distance))
+        if middle > 3.0 * spacing:
+            raise _moved("most of the scene is away from the background")
+        lower = distance[distance <= middle]
         threshold = max(3.0 * spacing, _SIGMAS * float(np.sqrt(np.mean(lower**2))))
     differs = np.zeros(len(scene), dtype=bool)
     differs[finite] = distance > threshold
     return differs
 
 
-def main_parts(points: Array) -> BoolArray:
+def main_parts(points: Array, farthest: float = np.inf) -> BoolArray:
     """Leave out specks and loose points.
 
-    Points closer than four spacings belong together; parts with less than a twentieth of the largest part's points go.
-    So do points with hardly any neighbours, as sensors put between an edge and what is behind it.
+    Points closer than four spacings belong together; parts with less than a twentieth of the largest part's points go,
+    and all of a handful of points. So do points with hardly any neighbours, as sensors put between an edge and what is
+    behind it.
 
     Args:
         points: (M, 3) finite.
+        farthest: points farther apart than this do not belong together, however few there are.
 
     Returns:
         (M,) which ones to keep.
     """
-    if len(points) < 3:
-        return np.ones(len(points), dtype=bool)
+    if len(points) < _FEWEST:
+        return np.zeros(len(points), dtype=bool)
     if len(points) > _MOST:
         chosen = points[np.random.default_rng(0).choice(len(points), _MOST, replace=False)]
-        return main_parts(chosen)[cKDTree(chosen).query(points)[1]]
+        # Thinned out, they are farther apart by the square root of how many there were for each: they fill a surface.
+        thinned = farthest * np.sqrt(len(points) / _MOST)
+        return main_parts(chosen, thinned)[cKDTree(chosen).query(points)[1]]
     tree = cKDTree(points)
-    spacing = float(np.median(tree.query(points[:: max(1, len(points) // 5000)], 3)[0][:, 2]))
-    pairs = tree.query_pairs(_LINK * spacing, output_type="ndarray")
+    pairs = tree.query_pairs(min(_LINK * _spacing(tree), farthest), output_type="ndarray")
     neighbours = np.bincount(pairs.ravel(), minlength=len(points))
     firm = neighbours >= 0.2 * np.median(neighbours)
     kept = pairs[firm[pairs].all(axis=1)]
     graph = coo_matrix((np.ones(len(kept), dtype=np.int8), (kept[:, 0], kept[:, 1])), shape=(len(points),) * 2)
     part = connected_components(graph, directed=False)[1]
     size = np.bincount(part)
-    result: BoolArray = firm & (size[part] >= max(3.0, _SPECK * size.max()))
+    result: BoolArray = firm & (size[part] >= max(_FEWEST, _SPECK * size.max()))
     return result

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from dlogen.errors import FitError
@@ -41,7 +39,8 @@ def place_joints(line: Skeleton, segment_length: float) -> Joints:
             "raise e_max; if it is as it should be, the line bends far too tightly somewhere: the fit failed there",
             stage="joints",
         )
-    search = _FirstCrossing(line, segment_length)
+    # No two points of the line are farther apart than it is long.
+    search = _FirstCrossing(line, min(segment_length, 2.0 * line.length))
     s, points = [0.0], [line(0.0)[0]]
     end = line(1.0)[0]
     while True:
@@ -88,7 +87,7 @@ class _FirstCrossing:
 
     def __call__(self, s: float, centre: Array) -> float | None:
         start = int(np.searchsorted(self.grid, s, side="right"))
-        if start > self.count or math.isinf(self.radius):
+        if start > self.count:
             return None
         grid = np.concatenate([[s], self.grid[start:]])
         offset = self.points[start:] - centre

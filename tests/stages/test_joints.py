@@ -186,14 +186,17 @@ def test_segments_of_a_straight_line(straight) -> None:
         assert joints.last_segment_length == pytest.approx(1.0 / count, abs=1e-9)
 
 
-@pytest.mark.parametrize("length", [0.9, 5.0, math.inf])
-def test_segments_longer_than_the_curve_give_one(circle, length: float) -> None:
+@pytest.mark.parametrize("length", [0.9, 5.0, 1e300, math.inf])
+def test_segments_longer_than_the_curve_give_one(circle, straight, length: float) -> None:
     line = circle(0.3, 2.0)  # end to end 0.505 m
     joints = place_joints(line, length)
     assert len(joints.s) == 2
     chord = 0.6 * math.sin(1.0)
     assert joints.segment_length == joints.last_segment_length == pytest.approx(chord)
     assert joints.positions == pytest.approx(line([0.0, 1.0]))
+    line = straight([1, 2, 3], [1.3, 2, 3.4])
+    joints = place_joints(line, max(length, 0.6))
+    assert joints.segment_length == joints.last_segment_length == pytest.approx(0.5)
 
 
 def test_ends_that_nearly_meet(circle) -> None:

@@ -8,13 +8,14 @@ Lengths (`r`, `r_n`, `e_max`, `normals.radius`) are metres, always: `units` says
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal, cast
 
 from dlogen.config_reader import Values, read_file, read_mapping, read_override, read_value
+from dlogen.materials import PRESETS
 from dlogen.settings import AUTO, Auto, Keys, Problem, Setting, refuse, show, wrong_value
 
 
@@ -124,11 +125,79 @@ class SkeletonLine(_Section):
 
 @dataclass(frozen=True)
 class Segmentation(_Section):
-    """Segment length from curvature and e_max (paper III.D)."""
+    """How long the segments are and where the joints (paper III.D, III.E)."""
 
     criterion: str = field(
-        default="paper",
-        metadata=_holds("choice", "How the segment length follows from e_max: paper is Eq. 17.", choices=("paper",)),
+        default=AUTO,
+        metadata=_holds(
+            "choice",
+            "paper: the length of Eq. 17; fewest: the fewest segments whose measured deviation is within e_max.",
+            auto="paper in the profile paper, else fewest",
+            choices=(AUTO, "paper", "fewest"),
+        ),
+    )
+    placement: str = field(
+        default="on-curve",
+        metadata=_holds(
+            "choice",
+            "on-curve: joints on the skeleton line (Eq. 18); minimax: beside it, for about a quarter fewer segments.",
+            choices=("on-curve", "minimax"),
+            sought=("joint_placement", "off_curve"),
+        ),
+    )
+    segments: int | Auto = field(
+        default=AUTO,
+        metadata=_holds(
+            "integer",
+            "Cut into exactly so many equal segments, whatever the deviation.",
+            auto="not used: e_max decides",
+            least=1,
+            most=10_000,
+            sought=("n", "segment_count", "number_of_segments", "num_segments"),
+        ),
+    )
+    segment_length: float | Auto = field(
+        default=AUTO,
+        metadata=_holds(
+            "number",
+            "Length of every segment but the last, whatever the deviation.",
+            unit="m",
+            auto="not used: e_max decides",
+            above=0,
+            sought=("l", "length", "l_max", "segment_size"),
+        ),
+    )
+    curvature_max: float | Auto = field(
+        default=AUTO,
+        metadata=_holds(
+            "number",
+            "Largest curvature that the object can have, for Eq. 17 in place of the scan's.",
+            unit="1/m",
+            auto="not used",
+            above=0,
+            sought=("max_curvature", "kappa", "kappa_max", "curvature"),
+        ),
+    )
+    min_bend_radius: float | Auto = field(
+        default=AUTO,
+        metadata=_holds(
+            "number",
+            "Smallest radius that the object can be bent to, for Eq. 17 in place of the scan's.",
+            unit="m",
+            auto="not used",
+            above=0,
+            sought=("bend_radius", "r_kappa", "radius_of_curvature"),
+        ),
+    )
+    min_last: float = field(
+        default=0.5,
+        metadata=_holds(
+            "number",
+            "Length of the last segment that fewest tries to keep, as a share of the others; 0 for the longest others.",
+            least=0,
+            most=1,
+            sought=("last_segment", "shortest_last"),
+        ),
     )
 
 
@@ -162,20 +231,175 @@ class MdtwSettings(_Section):
 
 
 @dataclass(frozen=True)
-class Material(_Section):
-    """What the object is made of, for the masses and inertias of the model."""
+class JointSettings(_Section):
+    """The joints of the models (URDF, SRDF, MJCF, SDF): how they move and what their zero is."""
 
-    name: str = field(
-        default="generic", metadata=_holds("text", "Name of the material in the model.", least=1, most=100)
+    dof: int = field(
+        default=2,
+        metadata=_holds(
+            "integer",
+            "Degrees of freedom of each joint: 2 bends (universal joint), 3 bends and twists (ball joint).",
+            least=2,
+            most=3,
+            sought=("degrees_of_freedom", "joint_type"),
+        ),
     )
-    density: float = field(
-        default=1200.0,
+    base: str = field(
+        default="fixed",
+        metadata=_holds(
+            "choice",
+            "Whether the first segment is held where the scan has it, or moves freely.",
+            choices=("fixed", "floating"),
+            sought=("root", "floating_base", "fixed_base"),
+        ),
+    )
+    zero: str = field(
+        default="scan",
+        metadata=_holds(
+            "choice",
+            "Pose at joint values of zero: as scanned, or straight along the first segment.",
+            choices=("scan", "straight"),
+            sought=("zero_pose", "reference"),
+        ),
+    )
+    rest: str = field(
+        default="straight",
+        metadata=_holds(
+            "choice",
+            "Shape without load, where the springs of the joints are relaxed. Needs a known Young's modulus.",
+            choices=("straight", "scan"),
+            sought=("rest_shape", "springref"),
+        ),
+    )
+    min_bend_radius: float | Auto = field(
+        default=AUTO,
         metadata=_holds(
             "number",
-            "Mass per volume of the whole cross-section, hollow parts included: mass per length / (pi r^2).",
-            unit="kg/m^3",
+            "Smallest radius that the axis can be bent to, for the limits of the joints.",
+            unit="m",
+            auto="not known: the joints turn by up to pi",
             above=0,
-            sought=("mass_density", "rho", "mass"),
+            sought=("minimum_bending_radius", "bend_radius", "limits"),
+        ),
+    )
+
+
+@dataclass(frozen=True)
+class Material(_Section):
+    """What the object is made of, for masses, inertias, stiffness and damping of the models."""
+
+    preset: str = field(
+        default="none",
+        metadata=_holds(
+            "choice",
+            "A known material (dlogen.materials). It fills in what the other keys leave at auto.",
+            choices=("none", *PRESETS),
+            sought=("kind", "type"),
+        ),
+    )
+    name: str = field(
+        default=AUTO,
+        metadata=_holds(
+            "text", "Name of the material in the model.", auto="that of the preset, or generic", least=1, most=100
+        ),
+    )
+    density: float | Auto = field(
+        default=AUTO,
+        metadata=_holds(
+            "number",
+            "Mass per volume of the cross-section, without the bore of a hollow one.",
+            unit="kg/m^3",
+            auto="from mass, mass_per_length or the preset, else 1200",
+            above=0,
+            sought=("mass_density", "rho"),
+        ),
+    )
+    mass: float | Auto = field(
+        default=AUTO,
+        metadata=_holds(
+            "number",
+            "Mass of the whole object, instead of density.",
+            unit="kg",
+            auto="follows from density",
+            above=0,
+            sought=("weight", "total_mass"),
+        ),
+    )
+    mass_per_length: float | Auto = field(
+        default=AUTO,
+        metadata=_holds(
+            "number",
+            "Mass per length, instead of density.",
+            unit="kg/m",
+            auto="follows from density",
+            above=0,
+            sought=("linear_density", "weight_per_length"),
+        ),
+    )
+    inner_radius: float | Auto = field(
+        default=AUTO,
+        metadata=_holds(
+            "number",
+            "Radius of the bore of a hollow object; 0 for a solid one.",
+            unit="m",
+            auto="from wall_thickness or the preset, else solid",
+            least=0,
+            sought=("bore", "hollow", "section"),
+        ),
+    )
+    wall_thickness: float | Auto = field(
+        default=AUTO,
+        metadata=_holds(
+            "number",
+            "Thickness of the wall of a hollow object, instead of inner_radius.",
+            unit="m",
+            auto="follows from inner_radius",
+            above=0,
+            sought=("wall",),
+        ),
+    )
+    youngs_modulus: float | Auto = field(
+        default=AUTO,
+        metadata=_holds(
+            "number",
+            "Young's modulus E: the one that makes E I the bending stiffness of the object.",
+            unit="Pa",
+            auto="from shear_modulus and poissons_ratio or the preset, else the joints have no springs",
+            above=0,
+            sought=("E", "elasticity", "stiffness", "young"),
+        ),
+    )
+    shear_modulus: float | Auto = field(
+        default=AUTO,
+        metadata=_holds(
+            "number",
+            "Shear modulus G: the one that makes G J the torsional stiffness of the object.",
+            unit="Pa",
+            auto="E / (2 (1 + poissons_ratio))",
+            above=0,
+            sought=("G", "twist_modulus"),
+        ),
+    )
+    poissons_ratio: float | Auto = field(
+        default=AUTO,
+        metadata=_holds(
+            "number",
+            "Poisson's ratio, instead of shear_modulus.",
+            auto="not used",
+            above=-1,
+            most=0.5,
+            sought=("poisson", "nu", "poisson_ratio"),
+        ),
+    )
+    damping_ratio: float | Auto = field(
+        default=AUTO,
+        metadata=_holds(
+            "number",
+            "Damping of the slowest bending vibration when one end is clamped, as a fraction of critical damping.",
+            auto="that of the preset, else 0.05; a little damping for limp joints",
+            least=0,
+            most=10,
+            sought=("damping", "zeta"),
         ),
     )
 
@@ -187,6 +411,12 @@ class Report(_Section):
     timings: bool = field(
         default=True,
         metadata=_holds("flag", "Write the seconds that each stage took; they differ from run to run."),
+    )
+    alternatives: bool = field(
+        default=False,
+        metadata=_holds(
+            "flag", "Work out what every criterion of segmentation would give, also those that take longer."
+        ),
     )
 
 
@@ -283,6 +513,7 @@ class Config(_Section):
     segmentation: Segmentation = field(default_factory=Segmentation)
     refine: Refine = field(default_factory=Refine)
     mdtw: MdtwSettings = field(default_factory=MdtwSettings)
+    joints: JointSettings = field(default_factory=JointSettings)
     material: Material = field(default_factory=Material)
     report: Report = field(default_factory=Report)
 
@@ -411,6 +642,8 @@ def _contradictions(values: Values, places: Mapping[str, str]) -> list[Problem]:
                 "set one of them: a plane is fitted either to the nearest points or to all within a radius",
             )
         )
+    problems += _material_contradictions(given, said)
+    problems += _segmentation_contradictions(given, said)
     # Nobody has a cable a metre thick: the number was meant in the cloud's units.
     factor = {"mm": 1e-3, "cm": 1e-2}.get(given.get("units", ""))
     for key in ("r", "e_max"):
@@ -423,4 +656,96 @@ def _contradictions(values: Values, places: Mapping[str, str]) -> list[Problem]:
                     f"{given[key]:g} {given['units']} is {given[key] * factor:.12g}",
                 )
             )
+    return problems
+
+
+_MODULI = ("youngs_modulus", "shear_modulus", "poissons_ratio")
+
+
+def _segmentation_contradictions(given: Values, said: Callable[[str], str]) -> list[Problem]:
+    """What is wrong between the keys of the segmentation: each of them alone says how long the segments are."""
+    known = [
+        key
+        for name in ("segments", "segment_length", "curvature_max", "min_bend_radius")
+        if (key := f"segmentation.{name}") in given
+    ]
+    problems = []
+    if len(known) > 1:
+        problems.append(
+            Problem(
+                "",
+                f"{' and '.join(map(said, known))} contradict each other",
+                "set one of them: each says how long the segments are",
+            )
+        )
+    criterion, placement = given.get("segmentation.criterion"), given.get("segmentation.placement")
+    rules = [key for key in known if key.endswith(("segments", "segment_length"))]
+    if criterion is not None and (criterion == "fewest" or rules) and known:
+        problems.append(
+            Problem(
+                "",
+                f"{said('segmentation.criterion')} and {said(known[0])} contradict each other",
+                "leave criterion at auto where the segments are given",
+            )
+        )
+    if placement == "minimax" and (known or criterion == "paper"):
+        other = known[0] if known else "segmentation.criterion"
+        problems.append(
+            Problem(
+                "",
+                f"{said('segmentation.placement')} and {said(other)} contradict each other",
+                "minimax looks for the fewest segments: set criterion to fewest and leave the others at auto",
+            )
+        )
+    elif placement == "minimax" and criterion is None and given.get("profile") == "paper":
+        problems.append(
+            Problem(
+                "",
+                f"{said('segmentation.placement')}, but the profile paper has its joints on the line (Eq. 18)",
+                "set segmentation.criterion to fewest as well",
+            )
+        )
+    return problems
+
+
+def _material_contradictions(given: Values, said: Callable[[str], str]) -> list[Problem]:
+    """What is wrong between the keys of the material. A preset is only a default: it contradicts nothing."""
+    problems = []
+    for most, names, hint in (
+        (1, ("density", "mass", "mass_per_length"), "set one of them: the others follow from it"),
+        (1, ("inner_radius", "wall_thickness"), "set one of them: inner_radius + wall_thickness = r"),
+        (2, _MODULI, "set two of them: G = E / (2 (1 + nu))"),
+    ):
+        keys = [key for name in names if (key := f"material.{name}") in given]
+        if len(keys) > most:
+            problems.append(Problem("", f"{' and '.join(map(said, keys))} contradict each other", hint))
+    for name in ("inner_radius", "wall_thickness"):
+        key = f"material.{name}"
+        if "r" in given and given.get(key, 0) >= given["r"]:
+            problems.append(Problem("", f"{said(key)} is not less than {said('r')}", "r is the outer radius"))
+    if given.get("material.preset", "none") != "none":
+        return problems  # it knows all moduli
+    young, shear, ratio = (f"material.{name}" in given for name in _MODULI)
+    if shear and not (young or ratio):
+        problems.append(
+            Problem(
+                "",
+                f"{said('material.shear_modulus')} says nothing of the bending stiffness",
+                "set material.youngs_modulus or material.poissons_ratio as well",
+            )
+        )
+    if young and not (shear or ratio) and given.get("joints.dof") == 3:
+        problems.append(
+            Problem(
+                "",
+                f"{said('joints.dof')}: {said('material.youngs_modulus')} says nothing of the torsional stiffness",
+                "set material.poissons_ratio or material.shear_modulus as well, or joints.dof to 2",
+            )
+        )
+    if not (young or shear):
+        for key in ("material.poissons_ratio", "material.damping_ratio"):
+            if key in given:
+                problems.append(
+                    Problem("", f"{said(key)}, but no modulus is known", "set material.youngs_modulus or a preset")
+                )
     return problems

@@ -9,8 +9,9 @@ import pytest
 import yaml
 from jsonschema import Draft202012Validator
 
-from dlogen.config import Config, load_config
+from dlogen.config import Config, Material, load_config
 from dlogen.config_text import json_schema, to_yaml
+from dlogen.materials import properties
 
 FOLDER = Path(__file__).parents[1] / "configs"
 MATERIALS = ["vacuum_hose", "network_cable", "rope", "silicone_tube", "steel_wire"]
@@ -57,9 +58,11 @@ def test_paper_has_the_parameters_of_the_paper():
 def test_material(name, diameter, mass_per_length):
     config = load(name)
     assert config.profile == "refined"
-    assert config.material.name == name.replace("_", " ")
+    assert config.material == Material(preset=name.replace("_", "-"))
     assert config.r == pytest.approx(diameter / 2)
-    assert math.pi * config.r**2 * config.material.density == pytest.approx(mass_per_length, rel=0.005)
+    found = properties(config.material, config.r, 1.0)
+    assert found.name == name.replace("_", " ")
+    assert found.mass_per_length == pytest.approx(mass_per_length, rel=0.005)
     # Materials say what is known of the object; the rest is left to the cloud.
     assert config == Config(r=config.r, e_max=config.e_max, material=config.material)
     assert config.e_max <= 2 * config.r

@@ -1,136 +1,153 @@
-"""URDF of the chain: cylinders between joints, two revolute joints at each inner joint, zero pose = scanned pose.
+"""URDF of the multibody model: cylinders between joints, each joint a row of revolute joints in one place.
 
-Names: `base_link` (the cloud's frame), `segment_01` .. `segment_n` (frames at the joint they start from, x axis along
-the segment), `joint_01_y` and `joint_01_z` at the paper's x_1 .. x_(n-1) with a small link between them, `tip` at x_n.
+Names: `base_link` (the cloud's frame, without a body as KDL and ROS want it), `segment_01` .. `segment_n` (frames at
+the joint they start from, x axis along the segment), `joint_01_y`, `joint_01_z` and with three degrees of freedom
+`joint_01_x` with small links between them, `tip` at the end. The base is a fixed or a floating joint.
+
+URDF has no springs. Stiffness and rest shape are in `<gazebo>` elements, which Gazebo's converter reads and others
+pass over.
 """
 
 from __future__ import annotations
 
-import html
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from dlogen.formats import ModelFormat
+from dlogen.rotations import AXES, roll_pitch_yaw
+from dlogen.xml_text import HEADER, element, number, start
 
 if TYPE_CHECKING:
     from dlogen.model import Array, Result
+    from dlogen.multibody import Body, Joint, MultibodyModel
 
-#: The link between two stacked revolute joints, and the tip. Massless links blow solvers up or are made 1 kg; this
-#: much is neither felt nor singular.
-_SMALL_MASS = 1e-5
-_SMALL_INERTIA = 1e-9
+#: Wide enough not to matter; URDF wants limits on revolute joints.
+_EFFORT, _VELOCITY = 1000.0, 100.0
 
-#: Wide enough for any pose; URDF wants limits on revolute joints.
-_LIMIT = '<limit lower="-3.141592653589793" upper="3.141592653589793" effort="1000" velocity="100"/>'
+#: MuJoCo merges links behind fixed joints into their parents by default. A floating joint it accepts only so.
+_KEEP_FRAMES = ('<mujoco><compiler fusestatic="false"/></mujoco>',)
 
 
 def write(result: Result, stem: str) -> dict[str, bytes]:
     """One file, `stem.urdf`."""
-    chain = result.chain
-    count = len(chain.lengths)
-    digits = max(2, len(str(count)))
-    density = result.settings["material"]["density"]
-    name = [f"segment_{i + 1:0{digits}d}" for i in range(count)]
-    out = [
-        '<?xml version="1.0" encoding="utf-8"?>',
-        f'<robot name="{html.escape(stem)}">',
-        "  <!-- MuJoCo would merge base_link and tip into their neighbours and write their frames off. -->",
-        '  <mujoco><compiler fusestatic="false"/></mujoco>',
-        '  <link name="base_link"/>',
-        *_joint("base_joint", "fixed", "base_link", name[0], chain.joints[0], chain.transforms[0, :3, :3]),
+    from dlogen.multibody import multibody
+
+    return {f"{stem}.urdf": urdf(multibody(result, stem)).encode()}
+
+
+def urdf(model: MultibodyModel) -> str:
+    """The text of the file."""
+    small = _small_inertial(model)
+    lines = [
+        HEADER,
+        start("robot", name=model.name),
+        *([] if model.floating else _KEEP_FRAMES),
+        element("link", name=model.root),
+        *_joint(
+            "base_joint",
+            "floating" if model.floating else "fixed",
+            model.root,
+            model.bodies[0].name,
+            model.base_position,
+            model.base_rotation,
+        ),
+        *_segment(model.bodies[0]),
     ]
-    for i in range(count):
-        length = float(chain.lengths[i])
-        out += _segment(name[i], length, chain.radius, density)
-        if i + 1 < count:
-            joint = f"joint_{i + 1:0{digits}d}"
-            relative = chain.transforms[i, :3, :3].T @ chain.transforms[i + 1, :3, :3]
-            at = np.array([length, 0.0, 0.0])
-            out += _joint(f"{joint}_y", "revolute", name[i], f"{joint}_link", at, relative, axis="0 1 0")
-            out += _small_link(f"{joint}_link")
-            out += _joint(
-                f"{joint}_z", "revolute", f"{joint}_link", name[i + 1], np.zeros(3), np.eye(3), axis="0 0 1"
-            )
-    out += _joint("tip_joint", "fixed", name[-1], "tip", np.array([float(chain.lengths[-1]), 0, 0]), np.eye(3))
-    out += [*_small_link("tip"), "</robot>", ""]
-    return {f"{stem}.urdf": "\n".join(out).encode()}
+    for joint, body in zip(model.joints, model.bodies[1:], strict=True):
+        lines += [*_hinges(joint, small), *_segment(body)]
+    last = model.bodies[-1]
+    lines += [*_joint("tip_joint", "fixed", last.name, model.tip, (last.length, 0.0, 0.0)), *_small(model.tip, small)]
+    return "\n".join([*lines, "</robot>\n"])
 
 
-def _segment(name: str, length: float, radius: float, density: float) -> list[str]:
-    mass = density * math.pi * radius**2 * length
-    across = mass * (3.0 * radius**2 + length**2) / 12.0
-    # The cylinders of neighbours would touch where they meet: the collision body leaves room for the bend.
-    clear = length - 2.0 * min(radius, length / 4.0)
-    pose = f'<origin xyz="{_number(length / 2)} 0 0" rpy="0 {_number(math.pi / 2)} 0"/>'
-    body = '<geometry><cylinder radius="{}" length="{}"/></geometry>'
-    return [
-        f'  <link name="{name}">',
-        "    <inertial>",
-        f'      <origin xyz="{_number(length / 2)} 0 0" rpy="0 0 0"/>',
-        f'      <mass value="{_number(mass)}"/>',
-        f'      <inertia ixx="{_number(mass * radius**2 / 2)}" ixy="0" ixz="0" '
-        f'iyy="{_number(across)}" iyz="0" izz="{_number(across)}"/>',
-        "    </inertial>",
-        f"    <visual>{pose}{body.format(_number(radius), _number(length))}</visual>",
-        f"    <collision>{pose}{body.format(_number(radius), _number(clear))}</collision>",
-        "  </link>",
-    ]
+def _segment(body: Body) -> Iterator[str]:
+    begin, end, radius = body.collision
+    yield start("link", name=body.name)
+    yield "  " + element(
+        "inertial",
+        element("origin", xyz=(0.5 * body.length, 0.0, 0.0), rpy=(0.0, 0.0, 0.0))
+        + element("mass", value=body.mass)
+        + _inertia(body.axial_inertia, body.transverse_inertia),
+    )
+    yield "  " + _cylinder("visual", 0.0, body.length, body.radius)
+    yield "  " + _cylinder("collision", begin, end, radius)
+    yield "</link>"
 
 
-def _small_link(name: str) -> list[str]:
-    i = _number(_SMALL_INERTIA)
-    return [
-        f'  <link name="{name}">',
-        f'    <inertial><mass value="{_number(_SMALL_MASS)}"/>'
-        f'<inertia ixx="{i}" ixy="0" ixz="0" iyy="{i}" iyz="0" izz="{i}"/></inertial>',
-        "  </link>",
-    ]
+def _cylinder(tag: str, begin: float, end: float, radius: float) -> str:
+    """From begin to end along x; those of URDF lie along z."""
+    origin = element("origin", xyz=(0.5 * (begin + end), 0.0, 0.0), rpy=(0.0, 0.5 * math.pi, 0.0))
+    return element(tag, origin + element("geometry", element("cylinder", radius=radius, length=end - begin)))
+
+
+def _inertia(axial: float, transverse: float) -> str:
+    return element("inertia", ixx=axial, ixy=0.0, ixz=0.0, iyy=transverse, iyz=0.0, izz=transverse)
+
+
+def _small_inertial(model: MultibodyModel) -> str:
+    """Body of the links between stacked joints: a thousandth of the lightest segment, within bounds.
+
+    Massless links blow solvers up, or are made 1 kg (PyBullet).
+    """
+    mass = min(max(1e-3 * min(body.mass for body in model.bodies), 1e-6), 1e-4)
+    inertia = min(max(1e-3 * min(body.axial_inertia for body in model.bodies), 1e-12), 1e-8)
+    return element("inertial", element("mass", value=mass) + _inertia(inertia, inertia))
+
+
+def _small(name: str, inertial: str) -> list[str]:
+    return [start("link", name=name), f"  {inertial}", "</link>"]
+
+
+def _hinges(joint: Joint, small: str) -> Iterator[str]:
+    """The revolute joints of a joint, and the small links between them."""
+    parent, rotation = joint.parent, joint.rotation
+    offset = (joint.offset, 0.0, 0.0)
+    for k, (axis, name) in enumerate(zip(joint.axes, joint.hinge_names, strict=True)):
+        last = k + 1 == len(joint.axes)
+        child = joint.child if last else f"{name}_link"
+        yield from _joint(
+            name,
+            "revolute",
+            parent,
+            child,
+            offset if k == 0 else (0.0, 0.0, 0.0),
+            rotation if k == 0 else None,
+            element("axis", xyz=AXES[axis]),
+            element("limit", lower=joint.lower[k], upper=joint.upper[k], effort=_EFFORT, velocity=_VELOCITY),
+            element("dynamics", damping=joint.damping[k], friction=0.0),
+        )
+        if joint.stiffness is not None:
+            spring = f"<springStiffness>{number(joint.stiffness[k])}</springStiffness>"
+            spring += f"<springReference>{number(joint.rest[k])}</springReference>"
+            yield element("gazebo", spring, reference=name)
+        if not last:
+            yield from _small(child, small)
+        parent = child
 
 
 def _joint(
-    name: str, kind: str, parent: str, child: str, xyz: Array, rotation: Array, axis: str | None = None
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    xyz: Array | tuple[float, float, float],
+    rotation: Array | None = None,
+    *more: str,
 ) -> list[str]:
-    origin = " ".join(_number(value) for value in xyz)
-    rpy = " ".join(_number(value) for value in roll_pitch_yaw(rotation))
-    lines = [
-        f'  <joint name="{name}" type="{kind}">',
-        f'    <parent link="{parent}"/>',
-        f'    <child link="{child}"/>',
-        f'    <origin xyz="{origin}" rpy="{rpy}"/>',
+    rpy = (0.0, 0.0, 0.0) if rotation is None else roll_pitch_yaw(rotation)
+    parts = [
+        element("parent", link=parent),
+        element("child", link=child),
+        element("origin", xyz=xyz, rpy=rpy),
+        *more,
     ]
-    if axis is not None:
-        lines += [f'    <axis xyz="{axis}"/>', f"    {_LIMIT}"]
-    return [*lines, "  </joint>"]
-
-
-def roll_pitch_yaw(rotation: Array) -> tuple[float, float, float]:
-    """Angles about the fixed axes x, y, z, as URDF has them: R = Rz(yaw) Ry(pitch) Rx(roll).
-
-    Args:
-        rotation: (3, 3) rotation matrix.
-    """
-    across = math.hypot(rotation[0, 0], rotation[1, 0])
-    pitch = math.atan2(-rotation[2, 0], across)
-    if across > 1e-9:
-        return (
-            math.atan2(rotation[2, 1], rotation[2, 2]),
-            pitch,
-            math.atan2(rotation[1, 0], rotation[0, 0]),
-        )
-    # Looking straight up or down only the sum of roll and yaw matters.
-    return math.atan2(-rotation[1, 2], rotation[1, 1]), pitch, 0.0
-
-
-def _number(value: float) -> str:
-    """Shortest text that reads back as the same number; no minus before a zero."""
-    return repr(float(value) + 0.0)
+    return [start("joint", name=name, type=kind), *(f"  {part}" for part in parts), "</joint>"]
 
 
 FORMAT = ModelFormat(
     name="urdf",
     suffixes=(".urdf",),
-    description="URDF: cylinders, two revolute joints at each inner joint, zero pose = scanned pose",
+    description="URDF: cylinders, two or three revolute joints at each inner joint",
     write=write,
 )

@@ -1,0 +1,133 @@
+"""MJCF of the multibody model for MuJoCo: nested bodies, hinges with springs, capsules, a keyframe for each pose.
+
+Joints are hinges, not ball joints: a ball joint of MuJoCo has one stiffness for bending and twist, its spring is
+relaxed at the zero pose whatever the rest shape is, and it cannot be limited about another pose.
+
+Keyframes are `scanned` and `straight`. Without one, MuJoCo starts in the zero pose of the settings.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from dlogen.formats import ModelFormat
+from dlogen.rotations import AXES, quaternion
+from dlogen.xml_text import HEADER, element, numbers, start
+
+if TYPE_CHECKING:
+    from dlogen.model import Array, Result
+    from dlogen.multibody import Body, Joint, MultibodyModel
+
+#: MuJoCo's default time step, seconds.
+_TIME_STEP = 0.002
+
+#: Longest step over the relaxation time of the joints; 2 is where oscillations begin to grow.
+_OF_DAMPING = 1.4
+
+
+def write(result: Result, stem: str) -> dict[str, bytes]:
+    """One file, `stem.xml`."""
+    from dlogen.multibody import multibody
+
+    return {f"{stem}.xml": mjcf(multibody(result, stem)).encode()}
+
+
+def mjcf(model: MultibodyModel) -> str:
+    """The text of the file."""
+    joints = (None, *model.joints)
+    return "\n".join(
+        [
+            HEADER,
+            start("mujoco", model=model.name),
+            '  <compiler angle="radian" autolimits="true"/>',
+            *_option(model),
+            "  <worldbody>",
+            "    " + element("site", name=model.root, size=(0.5 * model.material.radius,), group="4"),
+            *(line for body, joint in zip(model.bodies, joints, strict=True) for line in _body(model, body, joint)),
+            "    "
+            + element(
+                "site",
+                name=model.tip,
+                pos=(model.bodies[-1].length, 0.0, 0.0),
+                size=(0.5 * model.material.radius,),
+                group="4",
+            ),
+            "    " + "</body>" * len(model.bodies),
+            "  </worldbody>",
+            "  <contact>",
+            *(
+                "    " + element("exclude", body1=model.bodies[i].name, body2=model.bodies[j].name)
+                for i, j in model.close_pairs()
+            ),
+            "  </contact>",
+            "  <keyframe>",
+            "    " + element("key", name="scanned", qpos=_qpos(model, model.scanned)),
+            "    " + element("key", name="straight", qpos=_qpos(model, model.straight)),
+            "  </keyframe>",
+            "</mujoco>\n",
+        ]
+    )
+
+
+def _option(model: MultibodyModel) -> list[str]:
+    """The time step, where MuJoCo's default of 2 ms is too long for the springs.
+
+    MuJoCo's Euler integrators treat damping implicitly and springs explicitly. With the stiffness k, the damping beta k
+    and the inertia I of one oscillator they are stable for h^2 k / I < 4 + 2 h beta k / I, so certainly for h < 2 beta,
+    and without damping for h < 2 / omega. The frequency of every mode is at most 2 sqrt(k / I), with the inertia of a
+    single segment about its centre: the other segments only add to it.
+    """
+    if not model.joints or model.joints[0].stiffness is None:
+        return []
+    stiffest = max(float(joint.stiffness[0]) for joint in model.joints if joint.stiffness is not None)
+    omega = 2.0 * math.sqrt(stiffest / min(body.transverse_inertia for body in model.bodies))
+    if model.dof == 3:
+        twist = max(float(joint.stiffness[2]) for joint in model.joints if joint.stiffness is not None)
+        omega = max(omega, 2.0 * math.sqrt(twist / min(body.axial_inertia for body in model.bodies)))
+    beta = float(model.joints[0].damping[0] / model.joints[0].stiffness[0])
+    longest = max(_OF_DAMPING * beta, 1.0 / omega)
+    return [] if longest >= _TIME_STEP else ["  " + element("option", timestep=longest)]
+
+
+def _body(model: MultibodyModel, body: Body, joint: Joint | None) -> Iterator[str]:
+    """A segment, left open for the next one inside it; indented alike, since MJCF nests them."""
+    position = model.base_position if joint is None else (joint.offset, 0.0, 0.0)
+    rotation = model.base_rotation if joint is None else joint.rotation
+    yield "    " + start("body", name=body.name, pos=position, quat=quaternion(rotation))
+    if joint is None and model.floating:
+        yield "      " + element("freejoint", name="base_joint")
+    if joint is not None:
+        for k, (axis, name) in enumerate(zip(joint.axes, joint.hinge_names, strict=True)):
+            more: dict[str, float | tuple[float, float]] = {}
+            if joint.bend_limit is not None and axis != "x":
+                more["range"] = (joint.lower[k], joint.upper[k])
+            if joint.stiffness is not None:
+                more |= {"stiffness": joint.stiffness[k], "springref": joint.rest[k]}
+            more["damping"] = joint.damping[k]
+            yield "      " + element("joint", name=name, type="hinge", axis=AXES[axis], **more)
+    yield "      " + element(
+        "inertial",
+        pos=(0.5 * body.length, 0.0, 0.0),
+        mass=body.mass,
+        diaginertia=(body.axial_inertia, body.transverse_inertia, body.transverse_inertia),
+    )
+    # A capsule as long as the segment; where that is shorter than thick, about a ball.
+    inset = min(body.radius, 0.49 * body.length)
+    yield "      " + element(
+        "geom", type="capsule", size=(body.radius,), fromto=(inset, 0.0, 0.0, body.length - inset, 0.0, 0.0)
+    )
+
+
+def _qpos(model: MultibodyModel, values: Array) -> str:
+    base = (*model.base_position, *quaternion(model.base_rotation)) if model.floating else ()
+    return numbers((*base, *values.ravel()))
+
+
+FORMAT = ModelFormat(
+    name="mjcf",
+    suffixes=(".xml",),
+    description="MJCF (MuJoCo): capsules, hinges with springs and damping, keyframes scanned and straight",
+    write=write,
+)

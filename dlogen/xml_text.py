@@ -1,0 +1,42 @@
+"""XML as the model formats write it: numbers that read back as they are, and elements a line each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from xml.sax.saxutils import quoteattr
+
+HEADER = '<?xml version="1.0" encoding="utf-8"?>'
+
+
+def number(value: float) -> str:
+    """Shortest text that reads back as the same number; no minus before a zero."""
+    return repr(float(value) + 0.0)
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Several, with blanks between."""
+    return " ".join(number(value) for value in values)
+
+
+def element(tag: str, content: str = "", /, **attributes: str | float | Iterable[float]) -> str:
+    """One element, on one line. Texts and numbers become attributes; a trailing underscore in a name is dropped.
+
+    Args:
+        tag: its name.
+        content: XML inside it.
+        attributes: in their order.
+    """
+    opening = start(tag, **attributes)
+    return f"{opening}{content}</{tag}>" if content else f"{opening[:-1]}/>"
+
+
+def start(tag: str, /, **attributes: str | float | Iterable[float]) -> str:
+    """The opening tag of an element; see `element`."""
+    written = "".join(f" {name.rstrip('_')}={_quoted(value)}" for name, value in attributes.items())
+    return f"<{tag}{written}>"
+
+
+def _quoted(value: str | float | Iterable[float]) -> str:
+    if isinstance(value, str):
+        return quoteattr(value)
+    return f'"{numbers(value) if isinstance(value, Iterable) else number(value)}"'

@@ -24,12 +24,12 @@ def dump_files(result: Result) -> dict[str, bytes]:
     s = np.linspace(0.0, 1.0, len(result.skeleton_points))
     rotation = chain.transforms[:, :3, :3].reshape(-1, 9)
     files = {f"{item.name}.ply": _ply(item) for item in result.intermediates}
-    files["skeleton.csv"] = _csv("s,x,y,z,curvature", s, line(s), curvature(line, s))
-    files["joints.csv"] = _csv("s,x,y,z", chain.s, chain.joints)
-    files["chain.csv"] = _csv(
+    files["skeleton.csv"] = csv_bytes("s,x,y,z,curvature", s, line(s), curvature(line, s))
+    files["joints.csv"] = csv_bytes("s,x,y,z", chain.s, chain.joints)
+    files["chain.csv"] = csv_bytes(
         "length,x,y,z,r11,r12,r13,r21,r22,r23,r31,r32,r33", chain.lengths, chain.transforms[:, :3, 3], rotation
     )
-    files["mdtw.csv"] = _csv("s,error,skeleton_index,chain_index", result.mdtw.s, result.mdtw.error, result.mdtw.path)
+    files["mdtw.csv"] = csv_bytes("s,error,skeleton_index,chain_index", result.mdtw.s, result.mdtw.error, result.mdtw.path)
     return {f"{i + 1}_{name}": content for i, (name, content) in enumerate(files.items())}
 
 
@@ -57,7 +57,8 @@ def _colours(value: Array) -> np.ndarray:
     return np.stack([np.interp(value, [0.0, 0.5, 1.0], stops[:, i]) for i in range(3)], axis=1).round().astype("u1")
 
 
-def _csv(header: str, *columns: Array) -> bytes:
+def csv_bytes(header: str, *columns: Array) -> bytes:
+    """A table as CSV with a header; numbers read back as they are. Columns are (K,) or (K, D)."""
     table = np.column_stack(columns)
     out = io.StringIO()
     out.write(header + "\n")

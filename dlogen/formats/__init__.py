@@ -1,7 +1,9 @@
 """File formats. Each is one module of this package that defines `FORMAT`; adding a file adds a format.
 
+A module whose formats differ in little more than their names defines `FORMATS` instead, a tuple of them.
+
 A `CloudFormat` reads and writes point clouds, a `ModelFormat` writes what a fit made. Modules are imported to
-look at `FORMAT` only, so they import their heavy libraries inside their functions.
+look at these only, so they import their heavy libraries inside their functions.
 """
 
 from __future__ import annotations
@@ -49,15 +51,21 @@ class ModelFormat:
 
     Attributes:
         name: what the user calls it ("urdf").
-        suffixes: endings of the files that it writes.
+        suffixes: endings of the files that it writes; one that ends with a slash is a folder.
         description: one line for `dlogen formats`.
-        write: (result, stem of the file names) -> {file name: content}.
+        write: (result, stem of the file names) -> {file name: content}. Names may have folders before them.
+        named: stem -> names of the files that it writes, where they are not the stem with the suffixes.
     """
 
     name: str
     suffixes: tuple[str, ...]
     description: str
     write: Callable[[Result, str], dict[str, bytes]]
+    named: Callable[[str], tuple[str, ...]] | None = None
+
+    def files(self, stem: str) -> tuple[str, ...]:
+        """Names of the files that `write` makes, known before there is anything to write."""
+        return tuple(f"{stem}{suffix}" for suffix in self.suffixes) if self.named is None else self.named(stem)
 
 
 @cache
@@ -65,9 +73,8 @@ def registered() -> tuple[CloudFormat | ModelFormat, ...]:
     """All formats, in the order of their names."""
     found = []
     for module in sorted(info.name for info in pkgutil.iter_modules(__path__)):
-        candidate = getattr(importlib.import_module(f"{__name__}.{module}"), "FORMAT", None)
-        if candidate is not None:
-            found.append(candidate)
+        imported = importlib.import_module(f"{__name__}.{module}")
+        found += [imported.FORMAT] if hasattr(imported, "FORMAT") else getattr(imported, "FORMATS", ())
     return tuple(sorted(found, key=lambda item: item.name))
 
 

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from xml.sax.saxutils import quoteattr
+
+#: Characters that XML 1.0 cannot hold, not even escaped: control characters, and what file names that are no Unicode
+#: turn into.
+_FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 HEADER = '<?xml version="1.0" encoding="utf-8"?>'
 
@@ -38,5 +43,5 @@ def start(tag: str, /, **attributes: str | float | Iterable[float]) -> str:
 
 def _quoted(value: str | float | Iterable[float]) -> str:
     if isinstance(value, str):
-        return quoteattr(value)
+        return quoteattr(_FORBIDDEN.sub("\ufffd", value))
     return f'"{numbers(value) if isinstance(value, Iterable) else number(value)}"'

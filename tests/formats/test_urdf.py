@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import logging
 import math
+import os
 import re
 import warnings
 from xml.etree import ElementTree
@@ -253,6 +254,13 @@ def test_names_with_special_characters(straight, make_result, load, stem: str) -
     result = make_result(straight([0, 0, 0], [1, 0, 0]))
     assert ElementTree.fromstring(text(result, stem)).get("name") == stem
     load(text(result, stem))
+
+
+@pytest.mark.parametrize("stem", ["a\x01b", os.fsdecode(b"a\xf6b"), "a\uffffb"])
+def test_names_that_xml_cannot_hold(straight, make_result, load, stem: str) -> None:
+    urdf = text(make_result(straight([0, 0, 0], [1, 0, 0])), stem)
+    assert ElementTree.fromstring(urdf).get("name") == "a\ufffdb"
+    load(urdf)
 
 
 def test_the_same_chain_gives_the_same_bytes(exact_line, make_result) -> None:

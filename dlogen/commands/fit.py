@@ -73,7 +73,7 @@ def command(
     stem = "cloud" if cloud == "-" else Path(cloud).stem
     out = Path(folder)
     # Refuse before the work, not after it.
-    expected = [out / f"{stem}{suffix}" for writer in writers for suffix in writer.suffixes]
+    expected = [out / name for writer in writers for name in writer.files(stem)]
     expected += [out / f"{stem}.report.json", *([out / f"{stem}.png"] if plot else [])]
     refuse_existing(expected, force)
 
@@ -96,6 +96,7 @@ def command(
         from dlogen.plots import fit_picture
 
         contents[out / f"{stem}.png"] = fit_picture(result)
+    written = list(contents)
     if dump_folder is not None:
         from dlogen.dump import dump_files
 
@@ -105,7 +106,8 @@ def command(
     write_all(contents)
 
     _tell(result, console)
-    console.info("wrote " + ", ".join(str(path) for path in contents if path.parent == out))
+    # Of a folder its name.
+    console.info("wrote " + ", ".join(dict.fromkeys(str(out / path.relative_to(out).parts[0]) for path in written)))
     if as_json:
         print_json(report)
     if strict and result.quality.verdict != "good":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dlogen.formats import ModelFormat
 
@@ -46,7 +46,7 @@ def write(result: Result, stem: str) -> dict[str, bytes]:
     return {f"{stem}.chain.glb": scene.export(file_type="glb")}
 
 
-def _coloured(rgba: tuple[float, ...]):  # type: ignore[no-untyped-def]
+def _coloured(rgba: tuple[float, ...]) -> Any:
     import trimesh
 
     material = trimesh.visual.material.PBRMaterial(baseColorFactor=rgba, metallicFactor=0.0, roughnessFactor=0.6)

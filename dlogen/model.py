@@ -133,11 +133,11 @@ class Skeleton:
 
 @dataclass(frozen=True, eq=False)
 class Joints:
-    """Joints on the skeleton line (paper III.E).
+    """Joints on the skeleton line (paper III.E), or beside it.
 
     Attributes:
-        s: (n + 1,) material coordinates.
-        positions: (n + 1, 3) the paper's x_0 .. x_n, metres.
+        s: (n + 1,) material coordinates; of joints beside the line those of the nearest places on it, in order.
+        positions: (n + 1, 3) the paper's x_0 .. x_n, metres. The first and the last are the ends of the line.
         segment_length: length of every segment but the last, metres.
         last_segment_length: length of the last one, metres.
     """
@@ -146,6 +146,52 @@ class Joints:
     positions: Array
     segment_length: float
     last_segment_length: float
+
+
+@dataclass(frozen=True)
+class FewerSegments:
+    """Why a chain does not have fewer segments.
+
+    Attributes:
+        count: one segment less.
+        deviation: the smallest that was found for so many, metres: more than e_max.
+        segment_length: with which it was found, metres; None where the joints may leave the line.
+        resolution: the search went through all lengths but for intervals that are narrower than this share of them;
+            None where it was a local one, which proves nothing.
+    """
+
+    count: int
+    deviation: float
+    segment_length: float | None
+    resolution: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Segmentation:
+    """The skeleton line cut into segments (paper III.D, III.E).
+
+    Attributes:
+        criterion: "paper" (Eq. 17), "fewest", or what was given: "segments", "segment_length" or "bend_radius".
+        placement: "on-curve" (Eq. 18) or "minimax".
+        joints: of the chain.
+        deviation: the largest distance between skeleton line and chain, measured, metres (`dlogen.stages.chain`).
+        deviation_s: where on the line that is.
+        fewer: why there are not fewer segments, if that was looked into.
+        alternatives: what other criteria give.
+    """
+
+    criterion: str
+    placement: str
+    joints: Joints
+    deviation: float
+    deviation_s: float
+    fewer: FewerSegments | None = None
+    alternatives: tuple[Segmentation, ...] = ()
+
+    @property
+    def count(self) -> int:
+        """Number of segments n."""
+        return len(self.joints.s) - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,6 +314,8 @@ class Result:
         profile: "refined" or "paper".
         skeleton: the skeleton line f(s).
         skeleton_points: (1000, 3) the same, even in arc length, metres.
+        segmentation: how the line was cut into segments, and what other criteria give.
+        joints: the joints of the chain.
         chain: the kinematic chain.
         e_max: the allowed deviation, metres.
         max_deviation: the largest distance between skeleton line and chain, measured, metres.
@@ -284,6 +332,7 @@ class Result:
     profile: str
     skeleton: Skeleton
     skeleton_points: Array
+    segmentation: Segmentation
     joints: Joints
     chain: Chain
     e_max: float

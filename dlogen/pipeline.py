@@ -18,18 +18,18 @@ from dlogen.arclength import even_parameters
 from dlogen.config import AUTO, Config
 from dlogen.errors import ConfigError, DlogenError, FitError
 from dlogen.mdtw import mdtw
-from dlogen.model import Array, BoolArray, Cloud, Finding, Intermediate, Quality, Result, Skeleton
+from dlogen.model import Array, BoolArray, Cloud, Finding, Intermediate, Quality, Result, Segmentation, Skeleton
 from dlogen.polyline import resample
-from dlogen.stages.chain import build_chain, deviation
-from dlogen.stages.checks import check_line, check_points, check_walk, on_surface
-from dlogen.stages.curvature import max_curvature, max_segment_length
-from dlogen.stages.joints import place_joints
+from dlogen.stages.chain import build_chain
+from dlogen.stages.checks import check_deviation, check_line, check_points, check_walk, on_surface
+from dlogen.stages.curvature import max_curvature
 from dlogen.stages.normals import choose_neighbours, estimate_normals, orient_normals
 from dlogen.stages.ordering import order
 from dlogen.stages.projection import project
 from dlogen.stages.refine import refine
 from dlogen.stages.residual import foot_points, tube_residual
 from dlogen.stages.scale import estimate_scale, thinned
+from dlogen.stages.segmentation import Wish, segment
 from dlogen.stages.skeleton import choose_beta, fit_skeleton, paper_basis
 from dlogen.stages.sorting import default_start, sort_points
 from dlogen.units import METRES, guess_units
@@ -87,9 +87,10 @@ def fit(
     with clock.stage("segmentation"):
         e_max = settings["e_max"] = line.radius / 2.0 if config.e_max == AUTO else config.e_max
         bend = max_curvature(line.skeleton)
-        joints = place_joints(line.skeleton, max_segment_length(e_max, 1.0 / bend[0] if bend[0] > 0.0 else np.inf))
-        chain = build_chain(joints, line.radius)
-        max_deviation = deviation(line.skeleton, joints)[0]
+        wish = _wish(config)
+        settings["segmentation"]["criterion"] = wish.criterion
+        segmentation = segment(line.skeleton, e_max, wish)
+        chain = build_chain(segmentation.joints, line.radius)
 
     with clock.stage("mdtw"):
         samples = config.mdtw.samples
@@ -99,17 +100,21 @@ def fit(
         )
 
     with clock.stage("checks"):
-        findings = check_line(line.skeleton, line.radius, line.distance, line.on_tube, bend)
+        findings = [
+            *check_line(line.skeleton, line.radius, line.distance, line.on_tube, bend),
+            *check_deviation(line.skeleton, segmentation, e_max),
+        ]
 
     result = Result(
         name=name or _stem(cloud),
         profile=config.profile,
         skeleton=line.skeleton,
         skeleton_points=line.skeleton(even_parameters(line.skeleton, SKELETON_POINTS)),
-        joints=joints,
+        segmentation=segmentation,
+        joints=segmentation.joints,
         chain=chain,
         e_max=e_max,
-        max_deviation=max_deviation,
+        max_deviation=segmentation.deviation,
         mdtw=error,
         residual=tube_residual(line.distance[line.on_tube], line.radius),
         quality=Quality((*line.findings, *findings)),
@@ -250,6 +255,31 @@ def _paper_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock: _
     )
 
 
+def _wish(config: Config) -> Wish:
+    """What the configuration says of the segments."""
+    wanted = config.segmentation
+
+    def given(value: Any) -> Any:
+        return None if value == AUTO else value
+
+    criterion = wanted.criterion
+    if criterion == AUTO:
+        a_priori = wanted.curvature_max != AUTO or wanted.min_bend_radius != AUTO
+        criterion = "paper" if a_priori or config.profile == "paper" else "fewest"
+    radius = given(wanted.min_bend_radius)
+    if wanted.curvature_max != AUTO:
+        radius = 1.0 / wanted.curvature_max
+    return Wish(
+        criterion=criterion,
+        placement=wanted.placement,
+        segments=given(wanted.segments),
+        segment_length=given(wanted.segment_length),
+        bend_radius=radius,
+        min_last=wanted.min_last,
+        alternatives=config.report.alternatives,
+    )
+
+
 def _check_radius(points: Array, radius: float | None) -> None:
     """Refuse a radius that cannot be that of this cloud; mostly it was given in the cloud's units."""
     extent = float(np.ptp(points, axis=0).max())
@@ -301,12 +331,19 @@ def _moved(result: Result, offset: Array) -> Result:
 
     transforms = result.chain.transforms.copy()
     transforms[:, :3, 3] += offset
-    positions = result.joints.positions + offset
+
+    def shifted_segmentation(made: Segmentation) -> Segmentation:
+        joints = replace(made.joints, positions=made.joints.positions + offset)
+        return replace(made, joints=joints, alternatives=tuple(map(shifted_segmentation, made.alternatives)))
+
+    segmentation = shifted_segmentation(result.segmentation)
+    positions = segmentation.joints.positions
     return replace(
         result,
+        segmentation=segmentation,
         skeleton=replace(result.skeleton, offset=result.skeleton.offset + offset),
         skeleton_points=result.skeleton_points + offset,
-        joints=replace(result.joints, positions=positions),
+        joints=segmentation.joints,
         chain=replace(result.chain, joints=positions, transforms=transforms),
         quality=Quality(tuple(shifted(finding) for finding in result.quality.findings)),
         intermediates=tuple(replace(made, points=made.points + offset) for made in result.intermediates),

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
-from dlogen.model import Mdtw, Result
+import numpy as np
+
+from dlogen.model import Mdtw, Result, Segmentation
+from dlogen.multibody import Joint, MultibodyModel, multibody
 
 CHAIN_SCHEMA = "dlogen.chain/1"
 REPORT_SCHEMA = "dlogen.report/1"
@@ -17,7 +21,7 @@ def chain_dict(result: Result) -> dict[str, Any]:
     (`dlogen.basis`); `transforms` are 4 x 4 rows, the frame in the segment's centre with x along the segment.
     """
     chain, line = result.chain, result.skeleton
-    digits = max(2, len(str(len(chain.lengths))))
+    model = multibody(result)
     return {
         "schema": CHAIN_SCHEMA,
         "units": {"length": "m", "angle": "rad", "mass": "kg"},
@@ -42,11 +46,67 @@ def chain_dict(result: Result) -> dict[str, Any]:
         "joints": chain.joints.tolist(),
         "joint_s": chain.s.tolist(),
         "links": [
-            {"name": f"segment_{i + 1:0{digits}d}", "length": float(length), "transform": transform.tolist()}
-            for i, (length, transform) in enumerate(zip(chain.lengths, chain.transforms, strict=True))
+            {
+                "name": body.name,
+                "length": body.length,
+                "transform": transform.tolist(),
+                "mass": body.mass,
+                "inertia": [body.axial_inertia, body.transverse_inertia, body.transverse_inertia],
+            }
+            for body, transform in zip(model.bodies, chain.transforms, strict=True)
         ],
+        "model": model_dict(model),
         "quality": quality_dict(result),
         "provenance": result.provenance,
+    }
+
+
+def model_dict(model: MultibodyModel) -> dict[str, Any]:
+    """The multibody model that all formats write (`dlogen.multibody`).
+
+    A joint turns its child by `origin`, which ends in the parent's frame at the joint, and then by its hinges about
+    `axes`, each about an axis that the ones before have turned.
+    """
+    base = np.eye(4)
+    base[:3, :3], base[:3, 3] = model.base_rotation, model.base_position
+    return {
+        "root": model.root,
+        "tip": model.tip,
+        "dof": model.dof,
+        "base": "floating" if model.floating else "fixed",
+        "zero": model.zero,
+        "rest": model.rest,
+        "base_transform": base.tolist(),
+        "joints": [_joint_dict(joint) for joint in model.joints],
+        "material": {
+            **dataclasses.asdict(model.material),
+            "mass": model.material.mass,
+            "bending_stiffness": model.material.bending_stiffness,
+            "torsional_stiffness": model.material.torsional_stiffness,
+            "bending_damping": model.material.bending_damping,
+            "torsional_damping": model.material.torsional_damping,
+        },
+    }
+
+
+def _joint_dict(joint: Joint) -> dict[str, Any]:
+    origin = np.eye(4)
+    origin[:3, :3], origin[0, 3] = joint.rotation, joint.offset
+    return {
+        "name": joint.name,
+        "parent": joint.parent,
+        "child": joint.child,
+        "origin": origin.tolist(),
+        "axes": list(joint.axes),
+        "hinges": list(joint.hinge_names),
+        "scanned": joint.scanned.tolist(),
+        "straight": joint.straight.tolist(),
+        "rest": joint.rest.tolist(),
+        "lower": joint.lower.tolist(),
+        "upper": joint.upper.tolist(),
+        "bend_limit": joint.bend_limit,
+        "stiffness": None if joint.stiffness is None else joint.stiffness.tolist(),
+        "damping": joint.damping.tolist(),
     }
 
 
@@ -69,6 +129,7 @@ def report_dict(result: Result, reference: dict[str, Any] | None = None) -> dict
         "last_segment_length": result.joints.last_segment_length,
         "e_max": result.e_max,
         "max_deviation": result.max_deviation,
+        "segmentation": segmentation_dict(result),
         "mdtw": mdtw_dict(result.mdtw),
         "residual": {
             "rms": result.residual.rms,
@@ -84,6 +145,39 @@ def report_dict(result: Result, reference: dict[str, Any] | None = None) -> dict
     if result.settings["report"]["timings"]:
         report["timings"] = result.timings
     return report
+
+
+def segmentation_dict(result: Result) -> dict[str, Any]:
+    """The chain's segmentation, why it does not have fewer segments, and what other criteria give, side by side.
+
+    `dof` counts the inner joints' degrees of freedom. `fewer.resolution` says that all segment lengths were searched,
+    but for intervals narrower than this share of them; it is null where the search was a local one (minimax).
+    """
+    dof = result.settings["joints"]["dof"]
+    chosen = result.segmentation
+    out = _criterion_dict(chosen, dof)
+    if chosen.fewer is not None:
+        out["fewer"] = {
+            "segment_count": chosen.fewer.count,
+            "smallest_deviation": chosen.fewer.deviation,
+            "segment_length": chosen.fewer.segment_length,
+            "resolution": chosen.fewer.resolution,
+        }
+    out["alternatives"] = [_criterion_dict(other, dof) for other in chosen.alternatives]
+    return out
+
+
+def _criterion_dict(made: Segmentation, dof: int) -> dict[str, Any]:
+    return {
+        "criterion": made.criterion,
+        "placement": made.placement,
+        "segment_count": made.count,
+        "dof": dof * (made.count - 1),
+        "deviation": made.deviation,
+        "deviation_s": made.deviation_s,
+        "segment_length": made.joints.segment_length,
+        "last_segment_length": made.joints.last_segment_length,
+    }
 
 
 def mdtw_dict(error: Mdtw) -> dict[str, Any]:

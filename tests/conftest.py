@@ -13,7 +13,7 @@ from dlogen.arclength import arc_length, even_parameters
 from dlogen.basis import Basis, CubicBSpline
 from dlogen.config import Config
 from dlogen.mdtw import mdtw
-from dlogen.model import Intermediate, Quality, Result, Skeleton
+from dlogen.model import Intermediate, Quality, Result, Segmentation, Skeleton
 from dlogen.polyline import resample
 from dlogen.stages.chain import build_chain, deviation
 from dlogen.stages.curvature import max_curvature, max_segment_length
@@ -113,6 +113,7 @@ def _make_result(
         "profile": "paper",
         "skeleton": line,
         "skeleton_points": even,
+        "segmentation": Segmentation("paper", "on-curve", joints, *deviation(line, joints)),
         "joints": joints,
         "chain": chain,
         "e_max": e_max,
@@ -121,7 +122,15 @@ def _make_result(
         "residual": tube_residual(foot_points(points, line)[1], radius),
         "quality": Quality(),
         "settings": Config().to_dict() | {"r": radius, "e_max": e_max},
-        "provenance": {"dlogen": "0", "input": "x.ply", "sha256": "0", "points": 400, "points_used": 400, "config": {}, "seed": 0},
+        "provenance": {
+            "dlogen": "0",
+            "input": "x.ply",
+            "sha256": "0",
+            "points": 400,
+            "points_used": 400,
+            "config": {},
+            "seed": 0,
+        },
         "timings": {"input": 0.001},
         "intermediates": (
             Intermediate("normals", points, {f"n{axis}": normals[:, i] for i, axis in enumerate("xyz")}),

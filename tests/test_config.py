@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-from dlogen.config import AUTO, Config, JointSettings, Material, Normals, config_keys, load_config
+from dlogen.config import AUTO, Config, JointSettings, Material, Normals, Segmentation, config_keys, load_config
 from dlogen.config_text import json_schema, to_yaml
 from dlogen.errors import ConfigError
 
@@ -54,7 +54,7 @@ def test_defaults():
     assert config.normals == Normals(AUTO, AUTO, AUTO)
     assert config.projection.enabled is True
     assert config.sorting.start == config.skeleton.tau == config.refine.iterations == AUTO
-    assert config.segmentation.criterion == "paper"
+    assert config.segmentation == Segmentation(AUTO, "on-curve", AUTO, AUTO, AUTO, AUTO, 0.5)
     assert config.mdtw.samples == 1000
     assert config.joints == JointSettings(2, "fixed", "scan", "straight", AUTO)
     assert config.material == Material("none", *[AUTO] * 10)
@@ -99,7 +99,7 @@ def test_file_with_everything(write):
     path = write(
         "profile: paper\nunits: mm\nr: 0.02\nr_n: 0.16\nN: 21\nbeta: 1e-2\ne_max: 1.0e-2\nseed: 7\n"
         "normals: {neighbours: 12, orientation: outward}\nprojection:\n  enabled: false\nsorting: {start: 4}\n"
-        "skeleton: {tau: 5.25}\nsegmentation: {criterion: paper}\nrefine: {iterations: 5}\nmdtw: {samples: 500}\n"
+        "skeleton: {tau: 5.25}\nsegmentation: {criterion: fewest, placement: minimax, min_last: 0}\nrefine: {iterations: 5}\nmdtw: {samples: 500}\n"
         "joints: {dof: 3, base: floating, zero: straight, rest: scan, min_bend_radius: 0.1}\n"
         "material:\n  preset: rope\n  name: hose\n  density: 199\n  inner_radius: 0.01\n  youngs_modulus: 2e6\n"
         "  poissons_ratio: 0.4\n  damping_ratio: 0.1\nreport: {timings: false}\n"
@@ -117,7 +117,15 @@ def test_file_with_everything(write):
         "projection": {"enabled": False},
         "sorting": {"start": 4},
         "skeleton": {"tau": 5.25},
-        "segmentation": {"criterion": "paper"},
+        "segmentation": {
+            "criterion": "fewest",
+            "placement": "minimax",
+            "segments": "auto",
+            "segment_length": "auto",
+            "curvature_max": "auto",
+            "min_bend_radius": "auto",
+            "min_last": 0.0,
+        },
         "refine": {"iterations": 5},
         "mdtw": {"samples": 500},
         "joints": {"dof": 3, "base": "floating", "zero": "straight", "rest": "scan", "min_bend_radius": 0.1},
@@ -134,7 +142,7 @@ def test_file_with_everything(write):
             "poissons_ratio": 0.4,
             "damping_ratio": 0.1,
         },
-        "report": {"timings": False},
+        "report": {"timings": False, "alternatives": False},
     }
 
 
@@ -304,7 +312,11 @@ def test_dotted_keys_belong_to_overrides(write):
         ("projection: {enabled: 1}", "projection.enabled = 1: expected true or false", "write true or false"),
         ("sorting: {start: -1}", "sorting.start = -1: expected a whole number >= 0", "Index"),
         ("skeleton: {tau: 0}", "skeleton.tau = 0: expected a number > 0", "Width"),
-        ("segmentation: {criterion: mine}", "segmentation.criterion = 'mine': expected paper", "Eq. 17"),
+        (
+            "segmentation: {criterion: mine}",
+            "segmentation.criterion = 'mine': expected one of auto, paper, fewest",
+            "Eq. 17",
+        ),
         ("refine: {iterations: 0}", "refine.iterations = 0: expected", "Gauss-Newton"),
         ("mdtw: {samples: 1}", "mdtw.samples = 1: expected a whole number >= 2 and <= 20000", "sampled"),
         ("mdtw: {samples: 20001}", "mdtw.samples = 20001: expected", "sampled"),
@@ -426,6 +438,43 @@ def test_neighbours_and_radius_of_normals():
     assert load_config(None, ["normals.neighbours=12", "normals.radius=0.01", "normals.neighbours=auto"])
 
 
+@pytest.mark.parametrize(
+    "pair",
+    [
+        ["segments=16", "segment_length=0.1"],
+        ["segments=16", "min_bend_radius=0.1"],
+        ["curvature_max=5", "min_bend_radius=0.2"],
+        ["criterion=paper", "segments=16"],
+        ["criterion=fewest", "segment_length=0.1"],
+        ["criterion=fewest", "curvature_max=5"],
+        ["placement=minimax", "segments=16"],
+        ["placement=minimax", "min_bend_radius=0.1"],
+        ["placement=minimax", "criterion=paper"],
+    ],
+)
+def test_segments_are_given_in_one_way(pair):
+    error = refused(None, [f"segmentation.{item}" for item in pair])
+    for item in pair:
+        assert f"segmentation.{item.replace('=', ' = ')}" in error.message
+    # Each alone is fine, and the one that is taken back, too.
+    for item in pair:
+        assert load_config(None, [f"segmentation.{item}"])
+    last = pair[1].split("=")[0]
+    assert load_config(None, [*(f"segmentation.{item}" for item in pair), f"segmentation.{last}=auto"])
+
+
+def test_the_paper_a_priori_is_no_contradiction():
+    assert load_config(None, ["segmentation.criterion=paper", "segmentation.curvature_max=5"])
+    assert load_config(None, ["segmentation.criterion=fewest", "segmentation.placement=minimax"])
+
+
+def test_the_paper_has_its_joints_on_the_line():
+    error = refused(None, ["profile=paper", "segmentation.placement=minimax"])
+    assert "profile paper has its joints on the line" in error.message
+    assert "criterion to fewest" in error.hint
+    assert load_config(None, ["profile=paper", "segmentation.placement=minimax", "segmentation.criterion=fewest"])
+
+
 @pytest.mark.parametrize(("units", "metres"), [("mm", "0.02"), ("cm", "0.2")])
 @pytest.mark.parametrize("key", ["r", "e_max"])
 def test_lengths_in_the_units_of_the_cloud(units, metres, key):
@@ -533,6 +582,12 @@ def valid(draw) -> dict:
             material.pop(name, None)
     if "radius" in data.get("normals", {}):
         data["normals"].pop("neighbours", None)
+    segmentation = data.get("segmentation", {})
+    rules = ("criterion", "placement", "segments", "segment_length", "curvature_max", "min_bend_radius")
+    for name in [name for name in rules if name in segmentation][1:]:
+        del segmentation[name]
+    if segmentation.get("placement") == "minimax":
+        data.pop("profile", None)
     return data
 
 

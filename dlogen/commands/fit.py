@@ -144,5 +144,13 @@ def _tell(result: Result, console: Console) -> None:
         place = f" (at s = {finding.s:.3f})" if finding.s is not None else ""
         text = f"{finding.message}{place} [{finding.code}]"
         console.detail(text) if finding.severity == "note" else console.warning(text)
+    for made in (result.segmentation, *result.segmentation.alternatives):
+        console.detail(
+            f"  {made.criterion}, {made.placement}: n = {made.count}, l = {1e3 * made.joints.segment_length:.1f} mm, "
+            f"deviation {1e3 * made.deviation:.2f} mm"
+        )
+    fewer = result.segmentation.fewer
+    if fewer is not None:
+        console.detail(f"  {fewer.count} segments: deviation {1e3 * fewer.deviation:.2f} mm at least")
     for stage, seconds in result.timings.items():
         console.detail(f"  {stage:<14}{1e3 * seconds:8.1f} ms")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dlogen.errors import FitError
-from dlogen.model import Array, BoolArray, Finding, Skeleton
+from dlogen.model import Array, BoolArray, Finding, Segmentation, Skeleton
 
 #: Fewer points than this cannot show a tube; the paper works with 5,000.
 MIN_POINTS = 12
@@ -135,6 +135,24 @@ def check_walk(line: Skeleton, radius: float, s: Array, on_tube: BoolArray, unre
             )
         )
     return [*findings, *_gaps(line, radius, s[on_tube]), *_closed(line, radius)]
+
+
+def check_deviation(line: Skeleton, segmentation: Segmentation, e_max: float) -> list[Finding]:
+    """Whether the chain is farther from the line than allowed: where its segments were given, it may be.
+
+    Args:
+        line: the skeleton line.
+        segmentation: of it.
+        e_max: largest deviation allowed, metres.
+    """
+    # Eq. 17 is met to rounding on an arc.
+    if segmentation.deviation <= e_max * (1.0 + 1e-9):
+        return []
+    message = (
+        f"the chain is {1e3 * segmentation.deviation:.2f} mm off the skeleton line, more than e_max = "
+        f"{1e3 * e_max:.2f} mm"
+    )
+    return [_at(line, "deviation-above-e_max", message, "doubtful", segmentation.deviation_s)]
 
 
 def _gaps(line: Skeleton, radius: float, s: Array) -> list[Finding]:

@@ -1,0 +1,216 @@
+"""From the skeleton line to the joints of the chain: how long the segments are, and where (paper III.D, III.E).
+
+Criteria:
+
+- `paper`: Eq. 17 with the largest curvature of the line, or with one that is known beforehand.
+- `fewest`: the fewest equal segments whose measured deviation stays within e_max (`dlogen.stages.fewest`).
+- `segments`, `segment_length`: as many, or as long, as somebody wishes; the deviation is what it is.
+
+Placements: `on-curve` has the joints on the line (Eq. 18). `minimax` lets the inner joints of `fewest` leave it, so
+that the line runs on both sides of the chain (`dlogen.stages.minimax`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dlogen.errors import FitError
+from dlogen.model import FewerSegments, Joints, Segmentation, Skeleton
+from dlogen.stages.chain import deviation
+from dlogen.stages.curvature import max_curvature, max_segment_length
+from dlogen.stages.curve_table import CurveTable, trace
+from dlogen.stages.fewest import closest_with, equal_lengths, even_length, fewest_segments
+from dlogen.stages.joints import TOLERANCE, place_joints
+from dlogen.stages.minimax import minimax_joints
+
+#: The deviation that the searches aim at, as a share of e_max; the rest is for their rounding.
+_AIM = 1.0 - 1e-7
+#: The curvature that bounds are worked out with, as a multiple of the largest one found.
+_CURVATURE_MARGIN = 1.001
+
+
+@dataclass(frozen=True)
+class Wish:
+    """How a line is to be cut.
+
+    Attributes:
+        criterion: "paper" or "fewest"; not looked at where a number of segments, a length or a radius is given.
+        placement: "on-curve" or "minimax", for "fewest".
+        segments: exactly so many, all equal.
+        segment_length: so long but for the last, metres.
+        bend_radius: smallest radius of curvature for Eq. 17, metres, instead of the line's own.
+        min_last: what "fewest" tries to keep of the last segment, as a share of the others.
+        alternatives: work out all three criteria.
+    """
+
+    criterion: str = "fewest"
+    placement: str = "on-curve"
+    segments: int | None = None
+    segment_length: float | None = None
+    bend_radius: float | None = None
+    min_last: float = 0.5
+    alternatives: bool = False
+
+
+def segment(line: Skeleton, e_max: float, wish: Wish) -> Segmentation:
+    """Joints of a chain for the line.
+
+    Args:
+        line: the skeleton line.
+        e_max: largest deviation allowed, metres, > 0.
+        wish: how.
+
+    Returns:
+        The joints with their deviation and, in `alternatives`, what the other criteria give: those that were worked
+        out on the way, or all three.
+
+    Raises:
+        FitError: there would be more than 100,000 segments, or no length does what was wished.
+    """
+    chosen = None
+    if wish.segments is not None:
+        chosen = _measured(line, "segments", "on-curve", _equal_segments(line, wish.segments))
+    elif wish.segment_length is not None:
+        chosen = _measured(line, "segment_length", "on-curve", place_joints(line, wish.segment_length))
+    elif wish.bend_radius is not None:
+        joints = place_joints(line, max_segment_length(e_max, wish.bend_radius))
+        chosen = _measured(line, "bend_radius", "on-curve", joints)
+    elif wish.criterion == "paper":
+        bend = max_curvature(line)[0]
+        chosen = _measured(line, "paper", "on-curve", place_joints(line, _eq_17(e_max, bend)))
+    if chosen is not None and not wish.alternatives:
+        return chosen
+
+    found = _search(line, e_max, wish.min_last, minimax=wish.alternatives or wish.placement == "minimax")
+    if chosen is None:
+        chosen = next(item for item in found if (item.criterion, item.placement) == ("fewest", wish.placement))
+    others = (item for item in found if (item.criterion, item.placement) != (chosen.criterion, chosen.placement))
+    return replace(chosen, alternatives=tuple(others))
+
+
+def _measured(
+    line: Skeleton, criterion: str, placement: str, joints: Joints, fewer: FewerSegments | None = None
+) -> Segmentation:
+    """A segmentation with its deviation, measured on the line itself."""
+    distance, s = deviation(line, joints)
+    return Segmentation(criterion, placement, joints, distance, s, fewer)
+
+
+def _eq_17(e_max: float, bend: float) -> float:
+    return max_segment_length(e_max, 1.0 / bend if bend > 0.0 else math.inf)
+
+
+def _search(line: Skeleton, e_max: float, min_last: float, *, minimax: bool) -> list[Segmentation]:
+    """By Eq. 17; with the fewest segments, joints on the line; and, if wanted, with the fewest, joints off the line."""
+    bend = max_curvature(line)[0]
+    allowed, bound, aim = _eq_17(e_max, bend), bend * _CURVATURE_MARGIN, e_max * _AIM
+    table = CurveTable(line)
+    found = []
+    try:
+        paper = _measured(line, "paper", "on-curve", _on_curve(table, allowed))
+        found.append(paper)
+    except FitError:
+        # More segments than anybody wants, or none of any length on a closed line.
+        if line.length > 10.0 * allowed:
+            raise
+        paper = None
+
+    longest = fewest_segments(table, aim, allowed, bound)
+    if longest is None or (paper is not None and longest.count > len(paper.joints.s) - 1):
+        if paper is None:
+            raise FitError("no segment length keeps the chain within e_max of the line", "raise e_max")
+        on_curve = replace(paper, criterion="fewest")
+    else:
+        length = even_length(table, longest, aim, bound, min_last)
+        on_curve = _measured(line, "fewest", "on-curve", _on_curve(table, length))
+    count = len(on_curve.joints.s) - 1
+    closest = closest_with(table, count - 1, bound) if count > 1 else None
+    if closest is not None:
+        resolution = longest.resolution if longest is not None else 0.0
+        on_curve = replace(on_curve, fewer=FewerSegments(count - 1, closest[1], closest[0], resolution))
+    found.append(on_curve)
+
+    if minimax:
+        off = minimax_joints(table, aim, count)
+        joints = off.joints or on_curve.joints
+        n = len(joints.s) - 1
+        fewer = FewerSegments(n - 1, off.tried[n - 1], None, None) if n - 1 in off.tried else None
+        found.append(_measured(line, "fewest", "minimax", joints, fewer))
+    return found
+
+
+def _on_curve(table: CurveTable, length: float) -> Joints:
+    """Joints on the line at equal distances, from the table; made exact on the line itself."""
+    line = table.line
+    if math.isinf(length) or line.length > 10_000 * length:
+        return place_joints(line, length)
+    joints = _polished(line, table.parameter(trace(table, np.array([length])).u[0]), length)
+    chords = np.linalg.norm(np.diff(joints.positions, axis=0), axis=1)
+    if joints.last_segment_length <= TOLERANCE or np.abs(chords[:-1] - length).max(initial=0.0) > TOLERANCE:
+        return place_joints(line, length)
+    return joints
+
+
+def _polished(line: Skeleton, s: np.ndarray, length: float) -> Joints:
+    """The joints nearest to these coordinates whose distances, but for the last, are l (Eq. 19).
+
+    Newton's method on all joints at once. Each distance depends on its own two joints only, so that a step is a
+    forward substitution.
+    """
+    s = s.copy()
+    s[0], s[-1] = 0.0, 1.0
+    for _ in range(10):
+        points, slopes = line(s), line(s, 1)
+        chords = np.diff(points, axis=0)
+        sizes = np.linalg.norm(chords, axis=1)
+        errors = (sizes - length)[:-1]
+        if np.abs(errors).max(initial=0.0) < 1e-4 * TOLERANCE:
+            break
+        unit = chords / np.maximum(sizes, 1e-300)[:, None]
+        before, after = (np.einsum("ij,ij->i", unit, part).tolist() for part in (slopes[:-1], slopes[1:]))
+        shift, shifts = 0.0, []
+        for k, error in enumerate(errors.tolist()):
+            if after[k] > 1e-6 * line.length:
+                shift = (before[k] * shift - error) / after[k]
+            shifts.append(shift)
+        s[1:-1] = np.clip(s[1:-1] + shifts, 0.0, 1.0)
+    points = line(s)
+    last = float(np.linalg.norm(points[-1] - points[-2]))
+    return Joints(s, points, length if len(s) > 2 else last, last)
+
+
+def _equal_segments(line: Skeleton, count: int) -> Joints:
+    """Exactly so many equal segments, the last one as well."""
+    table = CurveTable(line)
+    candidates = []
+    for length in equal_lengths(table, count):
+        joints = _closed_up(table, float(length), count)
+        if joints is not None:
+            candidates.append((deviation(line, joints)[0], joints))
+    if not candidates:
+        raise FitError(
+            f"no length cuts this line into exactly {count} equal segments: it turns too sharply for them",
+            "try one segment more or less, or give segmentation.segment_length",
+            stage="segmentation",
+        )
+    return min(candidates, key=lambda pair: pair[0])[1]
+
+
+def _closed_up(table: CurveTable, length: float, count: int) -> Joints | None:
+    """Joints with this number of segments, the length adjusted until the last segment has it too; None if it cannot."""
+    u = trace(table, np.array([length])).u[0]
+    if len(u) != count + 1:
+        return None
+    s = table.parameter(u)
+    for _ in range(20):
+        joints = _polished(table.line, s, length)
+        rest = joints.last_segment_length - length
+        if abs(rest) < 1e-3 * TOLERANCE or count == 1:
+            return joints
+        # With every segment longer by d, the last one is shorter by about n d.
+        length += rest / count
+        s = joints.s
+    return joints if abs(rest) < TOLERANCE else None

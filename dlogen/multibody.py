@@ -245,11 +245,10 @@ def build_model(
             frame = frame @ hinges(axes, scanned)
         joint_name = f"joint_{i + 1:0{digits}d}"
         bend_limit = _bend_limit(joints, lengths[i], lengths[i + 1], float(bends[i]), joint_name)
-        reach = np.full(joints.dof, math.pi)
+        reach, middle = np.full(joints.dof, math.pi), np.zeros(joints.dof)
         if bend_limit is not None and bend_limit < 0.5 * math.pi:
             # Beyond, the hinge about y may turn by more than the bend.
-            reach[:2] = bend_limit
-        middle = straight if bend_limit is not None else np.zeros(joints.dof)
+            reach[:2], middle[:2] = bend_limit, straight[:2]
         # Rounding must not put the scanned pose outside.
         lower, upper = np.minimum(middle - reach, scanned), np.maximum(middle + reach, scanned)
         span = _span(lengths, i)
@@ -342,10 +341,11 @@ def _collision(length: float, radius: float, half_before: float, half_after: flo
     """A cylinder clear of its neighbours: between the planes that halve the bends at its ends, and some.
 
     It stays behind by as much as the plane cuts into it, r tan(bend / 2), or by r or a quarter of the segment if that
-    is more. Where bends are too tight for that it gets thinner.
+    is more. Where bends are too tight for that it gets thinner: it stays on its side of their centre.
     """
     cuts = [math.tan(min(half, 1.5)) for half in (half_before, half_after)]
-    radius = min(radius, 0.8 * length / sum(cuts)) if sum(cuts) > 0.0 else radius
+    sharper = max(cuts)
+    radius = min(radius, 0.4 * length / sharper) if sharper > 0.0 else radius
     room = min(radius, 0.25 * length)
     before, after = (max(room, 1.05 * radius * cut) for cut in cuts)
     if before + after > 0.9 * length:

@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from dlogen.errors import FitError
 from dlogen.formats import ModelFormat
 from dlogen.rotations import AXES, quaternion
 from dlogen.xml_text import HEADER, element, numbers, start
@@ -19,6 +20,9 @@ from dlogen.xml_text import HEADER, element, numbers, start
 if TYPE_CHECKING:
     from dlogen.model import Array, Result
     from dlogen.multibody import Body, Joint, MultibodyModel
+
+#: A chain nests bodies, and the XML reader of MuJoCo stops at 500 levels (measured with 4.0).
+MOST_SEGMENTS = 496
 
 #: MuJoCo's default time step, seconds.
 _TIME_STEP = 0.002
@@ -35,7 +39,17 @@ def write(result: Result, stem: str) -> dict[str, bytes]:
 
 
 def mjcf(model: MultibodyModel) -> str:
-    """The text of the file."""
+    """The text of the file.
+
+    Raises:
+        FitError: it has more segments than MuJoCo can read.
+    """
+    if len(model.bodies) > MOST_SEGMENTS:
+        raise FitError(
+            f"{len(model.bodies)} segments: MuJoCo reads bodies that are nested {MOST_SEGMENTS} deep at most",
+            "a larger e_max makes fewer segments; URDF and SDF have no such bound",
+            stage="mjcf",
+        )
     joints = (None, *model.joints)
     return "\n".join(
         [

@@ -74,7 +74,7 @@ def write(result: Result, stem: str) -> dict[str, bytes]:
 
 
 def _base_publisher(model: MultibodyModel) -> str:
-    """A node that holds a floating base where it was scanned: robot_state_publisher leaves floating joints to others."""
+    """A node that holds a floating base where it was scanned: robot_state_publisher leaves out floating joints."""
     from dlogen.rotations import quaternion
     from dlogen.xml_text import number
 
@@ -117,7 +117,7 @@ _PACKAGE = """\
 <package format="3">
   <name>{package}</name>
   <version>1.0.0</version>
-  <description>Model of a deformable linear object in {segments} segments, made by dlogen {version} from a scan.</description>
+  <description>Model of a deformable linear object in {segments} segments, made from a scan by dlogen {version}</description>
   <!-- Put in who looks after it, and the licence that you give it. -->
   <maintainer email="maintainer@example.com">maintainer</maintainer>
   <license>Proprietary</license>

@@ -78,7 +78,7 @@ def read_cloud(path: str | Path, *, raw: RawCloud | None = None) -> Cloud:
         sha256=raw.sha256,
     )
     try:
-        cloud = clean(raw.points, raw.normals, viewpoint=None if raw.viewpoint is None else raw.viewpoint[:3])
+        cloud = clean(raw.points, raw.normals, viewpoint=raw.viewpoint)
     except InputError as error:
         error.path = path
         raise
@@ -94,7 +94,7 @@ def clean(
         points: (M, 3).
         normals: (M, 3), or None. They are brought to unit length. Those that are not finite or have no length become
             zero; where they are more than 1 %, all are left out.
-        viewpoint: (3,) position of the sensor, or None.
+        viewpoint: (3,) position of the sensor or (7,) its pose tx ty tz qw qx qy qz, or None.
 
     Returns:
         The points that are left, in their order, with counts of what was left out.
@@ -123,8 +123,9 @@ def clean(
                 "give one for each, or none",
             )
         unit = _unit(normals[keep])
-    position = None if viewpoint is None else np.asarray(viewpoint, dtype=np.float64)
-    return Cloud(points, unit, position, Dropped(non_finite, duplicates))
+    pose = None if viewpoint is None else np.asarray(viewpoint, dtype=np.float64)
+    position, orientation = (None, None) if pose is None else (pose[:3], pose[3:] if len(pose) == 7 else None)
+    return Cloud(points, unit, position, Dropped(non_finite, duplicates), orientation=orientation)
 
 
 def write_cloud(
@@ -190,7 +191,7 @@ def _raw(
         raw = cloud
     elif isinstance(cloud, Cloud):
         raw = RawCloud(cloud.points, cloud.normals)
-        viewpoint = cloud.viewpoint if viewpoint is None else viewpoint
+        viewpoint = _sensor(cloud) if viewpoint is None else viewpoint
     else:
         raw = RawCloud(_vectors(cloud, "points"))
     normals = raw.normals if normals is None else normals
@@ -210,6 +211,13 @@ def _raw(
     if raw.organised and raw.width * raw.height != len(raw.points):
         raise InputError(f"{raw.width} x {raw.height} pixels do not fit {len(raw.points)} points", "correct the shape")
     return raw
+
+
+def _sensor(cloud: Cloud) -> Array | None:
+    """(3,) position or (7,) pose of the sensor, as far as they are known."""
+    if cloud.viewpoint is None or cloud.orientation is None:
+        return cloud.viewpoint
+    return np.concatenate([cloud.viewpoint, cloud.orientation])
 
 
 def _vectors(values: npt.ArrayLike, what: str) -> Array:

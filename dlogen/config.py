@@ -8,6 +8,7 @@ Lengths (`r`, `r_n`, `e_max`, `normals.radius`) are metres, always: `units` says
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache
@@ -404,6 +405,55 @@ class Material(_Section):
     )
 
 
+def _coordinate(what: str, unit: str, sought: tuple[str, ...]) -> dict[str, Setting]:
+    return _holds("number", what, unit=unit, sought=sought)
+
+
+@dataclass(frozen=True)
+class FrameSettings(_Section):
+    """The frame of all output: that of the cloud, moved by use_viewpoint, then convention, then x to yaw."""
+
+    name: str = field(
+        default=AUTO,
+        metadata=_holds(
+            "text",
+            "Name of the frame, in the chain and of the root link of the models.",
+            auto="cloud in the chain, base_link in the models",
+            least=1,
+            most=100,
+            sought=("frame_id", "root_link", "base_link", "root_name"),
+        ),
+    )
+    use_viewpoint: bool = field(
+        default=False,
+        metadata=_holds(
+            "flag",
+            "Move the points by the sensor pose that the file stores (VIEWPOINT of PCD, camera of PLY): for points that "
+            "are in the sensor's frame. Else it only helps with normals.",
+            sought=("viewpoint", "sensor_pose"),
+        ),
+    )
+    convention: str = field(
+        default="none",
+        metadata=_holds(
+            "choice",
+            "optical-to-ros turns from a camera's optical frame (z forward, x right, y down) to that of its body "
+            "(x forward, y left, z up), as in REP 103.",
+            choices=("none", "optical-to-ros"),
+            sought=("optical", "rep103", "axes"),
+        ),
+    )
+    x: float = field(default=0.0, metadata=_coordinate("Position of the cloud's frame in the output's.", "m", ("xyz",)))
+    y: float = field(default=0.0, metadata=_coordinate("Position of the cloud's frame in the output's.", "m", ()))
+    z: float = field(default=0.0, metadata=_coordinate("Position of the cloud's frame in the output's.", "m", ()))
+    roll: float = field(
+        default=0.0,
+        metadata=_coordinate("Turn about x, first, as in URDF: Rz(yaw) Ry(pitch) Rx(roll).", "rad", ("rpy",)),
+    )
+    pitch: float = field(default=0.0, metadata=_coordinate("Turn about the fixed y axis, second.", "rad", ()))
+    yaw: float = field(default=0.0, metadata=_coordinate("Turn about the fixed z axis, third.", "rad", ()))
+
+
 @dataclass(frozen=True)
 class Report(_Section):
     """The report file."""
@@ -515,6 +565,7 @@ class Config(_Section):
     mdtw: MdtwSettings = field(default_factory=MdtwSettings)
     joints: JointSettings = field(default_factory=JointSettings)
     material: Material = field(default_factory=Material)
+    frame: FrameSettings = field(default_factory=FrameSettings)
     report: Report = field(default_factory=Report)
 
     def __post_init__(self) -> None:
@@ -643,6 +694,17 @@ def _contradictions(values: Values, places: Mapping[str, str]) -> list[Problem]:
             )
         )
     problems += _material_contradictions(given, said)
+    name = given.get("frame.name", "base_link")
+    if not re.fullmatch(r"[A-Za-z_][\w./-]*", name, re.ASCII) or re.match(
+        r"(segment|joint)_|(base_joint|tip.*)$", name
+    ):
+        problems.append(
+            Problem(
+                "",
+                f"{said('frame.name')} cannot be the name of a frame",
+                "a letter, then letters, digits and _ . / -, and none of the model's own names (segment_, joint_, tip)",
+            )
+        )
     problems += _segmentation_contradictions(given, said)
     # Nobody has a cable a metre thick: the number was meant in the cloud's units.
     factor = {"mm": 1e-3, "cm": 1e-2}.get(given.get("units", ""))

@@ -71,6 +71,7 @@ def extract(
         None if scene.normals is None else scene.normals[index],
         None if scene.viewpoint is None else scene.viewpoint[:3],
         Dropped(non_finite=len(scene.points) - seen),
+        orientation=None if scene.viewpoint is None else scene.viewpoint[3:],
     )
     return whole if count is None else down_sample(whole, count, seed)
 

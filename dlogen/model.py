@@ -80,6 +80,7 @@ class Cloud:
         viewpoint: (3,) position of the sensor in the frame of the points, or None.
         dropped: counts of what was left out on reading.
         source: file that it was read from; None for arrays.
+        orientation: (4,) quaternion qw qx qy qz of the sensor, if the file stores one.
     """
 
     points: Array
@@ -87,6 +88,7 @@ class Cloud:
     viewpoint: Array | None = None
     dropped: Dropped = field(default_factory=Dropped)
     source: Source | None = None
+    orientation: Array | None = None
 
     def __len__(self) -> int:
         return len(self.points)
@@ -306,6 +308,19 @@ class Intermediate:
 
 
 @dataclass(frozen=True, eq=False)
+class Frame:
+    """The frame that a result is in.
+
+    Attributes:
+        name: of the frame.
+        transform: (4, 4) that takes the cloud's points, in metres, into it.
+    """
+
+    name: str = "cloud"
+    transform: Array = field(default_factory=lambda: np.eye(4))
+
+
+@dataclass(frozen=True, eq=False)
 class Result:
     """Everything that a fit made.
 
@@ -326,6 +341,7 @@ class Result:
         provenance: version, input, its hash and size.
         timings: seconds per stage.
         intermediates: what the stages made of the points, in their order.
+        frame: the frame that all of this is in.
     """
 
     name: str
@@ -344,3 +360,4 @@ class Result:
     provenance: dict[str, Any]
     timings: dict[str, float]
     intermediates: tuple[Intermediate, ...]
+    frame: Frame = field(default_factory=Frame)

@@ -93,7 +93,7 @@ class MultibodyModel:
 
     Attributes:
         name: of the model.
-        root: name of the frame that the base is placed in: the cloud's frame.
+        root: name of the frame that the base is placed in (`frame.name`).
         tip: name of the frame at the end of the last body.
         floating: whether the first body moves freely in the root frame.
         base_position, base_rotation: (3,) metres, (3, 3): pose of the first body in the root frame.
@@ -190,6 +190,7 @@ def multibody(result: Result, name: str | None = None) -> MultibodyModel:
         JointSettings(**settings.get("joints", {})),
         Material(**settings.get("material", {})),
         name=name or result.name,
+        root="base_link" if settings.get("frame", {}).get("name", AUTO) == AUTO else result.frame.name,
     )
 
 

@@ -17,8 +17,9 @@ from dlogen._version import __version__
 from dlogen.arclength import even_parameters
 from dlogen.config import AUTO, Config
 from dlogen.errors import ConfigError, DlogenError, FitError
+from dlogen.frames import in_frame, output_frame
 from dlogen.mdtw import mdtw
-from dlogen.model import Array, BoolArray, Cloud, Finding, Intermediate, Quality, Result, Segmentation, Skeleton
+from dlogen.model import Array, BoolArray, Cloud, Finding, Intermediate, Quality, Result, Skeleton
 from dlogen.polyline import resample
 from dlogen.stages.chain import build_chain
 from dlogen.stages.checks import check_deviation, check_line, check_points, check_walk, on_surface
@@ -56,7 +57,7 @@ def fit(
         name: stem for output files; by default the cloud's file name without its ending.
 
     Returns:
-        The chain with everything that led to it, in metres, in the cloud's frame.
+        The chain with everything that led to it, in metres, in the cloud's frame or in what `frame` makes of it.
 
     Raises:
         FitError: no chain can be made from this cloud.
@@ -74,12 +75,15 @@ def fit(
         scale = METRES[settings["units"]]
         # All stages work near the origin: survey coordinates of 5e6 m would cost them nine digits.
         centre = 0.5 * (cloud.points.min(axis=0) + cloud.points.max(axis=0))
+        frame = output_frame(config.frame, cloud, scale)
+        # Points in the sensor's own frame are seen from its origin.
+        eye = np.zeros(3) if config.frame.use_viewpoint else cloud.viewpoint
         used = thinned(cloud.points, MOST_POINTS) if len(cloud) > MOST_POINTS else slice(None)
         near = replace(
             cloud,
             points=(cloud.points[used] - centre) * scale,
             normals=None if cloud.normals is None else cloud.normals[used],
-            viewpoint=None if cloud.viewpoint is None else (cloud.viewpoint - centre) * scale,
+            viewpoint=None if eye is None else (eye - centre) * scale,
         )
 
     line = (_refined_line if config.profile == "refined" else _paper_line)(near, config, settings, clock)
@@ -123,7 +127,7 @@ def fit(
         timings=clock.seconds,
         intermediates=line.intermediates,
     )
-    return _moved(result, centre * scale)
+    return in_frame(result, frame, centre * scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,36 +322,6 @@ def search_radius(points: Array, radius: float) -> float:
     sample = points[:: max(1, len(points) // 1000)]
     spacing = float(np.median(cKDTree(points).query(sample, min(9, len(points)))[0][:, -1]))
     return max(4.0 * radius, 3.0 * spacing)
-
-
-def _moved(result: Result, offset: Array) -> Result:
-    """The result in the cloud's own frame again."""
-
-    def shifted(finding: Finding) -> Finding:
-        if finding.position is None:
-            return finding
-        x, y, z = (float(a + b) for a, b in zip(finding.position, offset, strict=True))
-        return replace(finding, position=(x, y, z))
-
-    transforms = result.chain.transforms.copy()
-    transforms[:, :3, 3] += offset
-
-    def shifted_segmentation(made: Segmentation) -> Segmentation:
-        joints = replace(made.joints, positions=made.joints.positions + offset)
-        return replace(made, joints=joints, alternatives=tuple(map(shifted_segmentation, made.alternatives)))
-
-    segmentation = shifted_segmentation(result.segmentation)
-    positions = segmentation.joints.positions
-    return replace(
-        result,
-        segmentation=segmentation,
-        skeleton=replace(result.skeleton, offset=result.skeleton.offset + offset),
-        skeleton_points=result.skeleton_points + offset,
-        joints=segmentation.joints,
-        chain=replace(result.chain, joints=positions, transforms=transforms),
-        quality=Quality(tuple(shifted(finding) for finding in result.quality.findings)),
-        intermediates=tuple(replace(made, points=made.points + offset) for made in result.intermediates),
-    )
 
 
 def _cloud_of(points: npt.ArrayLike) -> Cloud:

@@ -81,3 +81,15 @@ def quaternion(rotation: Array) -> tuple[float, float, float, float]:
     q /= np.linalg.norm(q) * (-1.0 if q[0] < 0.0 else 1.0)
     w, x, y, z = (float(value) for value in q)
     return w, x, y, z
+
+
+def from_quaternion(values: Array) -> Array:
+    """(3, 3) rotation matrix of a quaternion w, x, y, z; its length does not matter unless it is zero."""
+    w, x, y, z = values / (np.linalg.norm(values) or 1.0)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )

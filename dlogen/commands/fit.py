@@ -28,6 +28,12 @@ _EXAMPLES = """Examples:
 @click.option("-c", "--config", "config_path", metavar="FILE", help="YAML configuration (see dlogen config show).")
 @click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Set one configuration key; repeatable.")
 @click.option("--profile", type=click.Choice(["refined", "paper"]), help="Shorthand for --set profile=...")
+@click.option(
+    "--frame",
+    "convention",
+    type=click.Choice(["none", "optical-to-ros"]),
+    help="Axes of the output: as in the cloud, or from a camera's optical frame to that of ROS.",
+)
 @click.option("-o", "--output", "folder", metavar="DIR", default=".", help="Folder for the outputs.  [default: .]")
 @click.option(
     "--format",
@@ -37,7 +43,7 @@ _EXAMPLES = """Examples:
     show_default=True,
     help="Model formats to write (see dlogen formats), or all.",
 )
-@click.option("--reference", metavar="CURVE", help="Known centre line to measure the skeleton line against.")
+@click.option("--reference", metavar="CURVE", help="Known centre line, in the frame of the output.")
 @click.option("--dump", "dump_folder", metavar="DIR", help="Write what every stage made into this folder.")
 @click.option("--plot", is_flag=True, help="Write a picture, NAME.png (needs matplotlib: dlogen[plots]).")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON to stdout.")
@@ -48,6 +54,7 @@ def command(
     config_path: str | None,
     overrides: tuple[str, ...],
     profile: str | None,
+    convention: str | None,
     folder: str,
     formats: str,
     reference: str | None,
@@ -67,7 +74,9 @@ def command(
     from dlogen.files import refuse_existing, write_all
     from dlogen.formats import model_format, model_formats
 
-    config = load_config(config_path, [*overrides, *([f"profile={profile}"] if profile else [])])
+    flags = {"profile": profile, "frame.convention": convention}
+    given = [f"{key}={value}" for key, value in flags.items() if value is not None]
+    config = load_config(config_path, [*overrides, *given])
     wanted = [item.name for item in model_formats()] if formats == "all" else _names(formats)
     writers = [model_format(name) for name in wanted]
     stem = "cloud" if cloud == "-" else Path(cloud).stem

@@ -15,13 +15,11 @@ SCHEMA = "dlogen.plain/1"
 
 def write(result: Result, stem: str) -> dict[str, bytes]:
     """One file, `stem.plain.json`: joints in order, lengths of the segments between them, radius; metres."""
-    from dlogen.report import chain_dict
-
     chain = result.chain
     data = {
         "schema": SCHEMA,
         "name": stem,
-        "frame": chain_dict(result)["frame"],
+        "frame": result.frame.name,
         "radius": chain.radius,
         "joints": chain.joints.tolist(),
         "lengths": chain.lengths.tolist(),

@@ -180,6 +180,7 @@ def write(path: Path, cloud: RawCloud, encoding: str) -> None:
     import numpy as np
 
     from dlogen.records import smallest_type, text_rows
+    from dlogen.rotations import from_quaternion
 
     groups = [(("x", "y", "z"), cloud.points)]
     if cloud.normals is not None:
@@ -194,7 +195,7 @@ def write(path: Path, cloud: RawCloud, encoding: str) -> None:
         lines += [f"obj_info num_cols {cloud.width}", f"obj_info num_rows {cloud.height}"]
     lines += [f"element vertex {len(cloud.points)}"]
     lines += [f"property {keywords[code]} {name}" for name, code in layout]
-    pose = None if cloud.viewpoint is None else np.concatenate([cloud.viewpoint[:3], _rotation(cloud.viewpoint[3:])])
+    pose = None if cloud.viewpoint is None else np.concatenate([cloud.viewpoint[:3], from_quaternion(cloud.viewpoint[3:]).ravel()])
     if pose is not None:
         lines += ["element camera 1", *(f"property double {name}" for name in _CAMERA)]
     lines += ["end_header", ""]
@@ -339,20 +340,6 @@ def _pose(camera: Array) -> Array | None:
     )
     quaternion = np.linalg.eigh(matrix)[1][:, -1]
     return np.concatenate([camera[:3], quaternion if quaternion[0] >= 0 else -quaternion])
-
-
-def _rotation(quaternion: Array) -> Array:
-    """(9,) rows of the rotation matrix of a quaternion w x y z."""
-    import numpy as np
-
-    w, x, y, z = quaternion / (np.linalg.norm(quaternion) or 1.0)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    ).ravel()
 
 
 FORMAT = CloudFormat(

@@ -117,7 +117,7 @@ _PACKAGE = """\
 <package format="3">
   <name>{package}</name>
   <version>1.0.0</version>
-  <description>Model of a deformable linear object in {segments} segments, made from a scan by dlogen {version}</description>
+  <description>A deformable linear object in {segments} segments, made from a scan by dlogen {version}</description>
   <!-- Put in who looks after it, and the licence that you give it. -->
   <maintainer email="maintainer@example.com">maintainer</maintainer>
   <license>Proprietary</license>

@@ -7,6 +7,7 @@ import re
 import sys
 import types
 from dataclasses import replace
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -160,8 +161,8 @@ def test_launch_file(package, monkeypatch) -> None:
     assert parameters["robot_description"].kwargs == {"value_type": str}
     for name in ("joint_state_publisher", "joint_state_publisher_gui"):
         (pose,) = nodes[name].kwargs["parameters"]
-        assert yaml.safe_load(open(pose, encoding="utf-8"))
-    assert yaml.safe_load(open(nodes["rviz2"].kwargs["arguments"][1], encoding="utf-8"))
+        assert yaml.safe_load(Path(pose).read_text(encoding="utf-8"))
+    assert yaml.safe_load(Path(nodes["rviz2"].kwargs["arguments"][1]).read_text(encoding="utf-8"))
     if floating:
         arguments = nodes["tf2_ros"].kwargs["arguments"]
         given = dict(zip(arguments[::2], arguments[1::2], strict=True))

@@ -176,3 +176,15 @@ def test_each_piece_is_measured_against_its_own_segment(exact_line) -> None:
     distance, s = deviation(line, whole)
     assert distance == pytest.approx(1.0)
     assert s == pytest.approx(0.5, abs=1e-3)
+
+
+def test_what_sticks_out_beyond_a_segment_counts(exact_line) -> None:
+    # Out to x = 3.27 and back to x = 1 within one segment, which ends there: 2.27 m from the farthest point.
+    def curve(s, derivative):
+        x = (12 * s - 11 * s**2, 12 - 22 * s, np.full_like(s, -22.0))[derivative]
+        return np.stack([x, np.zeros_like(s), np.zeros_like(s)], axis=-1)
+
+    line = exact_line(curve)
+    distance, s = deviation(line, Joints(np.array([0.0, 1.0]), line([0.0, 1.0]), 1.0, 1.0))
+    assert distance == pytest.approx(36 / 11 - 1, rel=1e-4)
+    assert s == pytest.approx(6 / 11, abs=1e-2)

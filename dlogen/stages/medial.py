@@ -63,7 +63,7 @@ def axis_votes(points: Array, tree: cKDTree, radius: float, spacing: float) -> t
     """
     # A disc of 4 spacings has some 11 points of a random surface; beyond 0.9 radii it is no plane any more.
     reach = float(np.clip(4.0 * spacing, 0.35 * radius, 0.9 * radius))
-    moments = _sums(tree.query_pairs(reach, output_type="ndarray"), _moments(points))
+    moments = _sums(_pairs(tree, reach), _moments(points))
     projected = moments[:, 0] >= _PATCH
     if projected.mean() < 0.5:
         # What they are in such a cloud is chance.
@@ -116,16 +116,14 @@ def contract(votes: Array, projected: BoolArray, radius: float, per_radius: floa
         rounds = []
     # Nodes move by a radius or so: the pairs of the first round serve for all.
     widest = rounds[0] if rounds else np.full(len(position), _SHARP[-1])
-    half = cKDTree(position).query_pairs(float((widest * stretch).max()), output_type="ndarray")
-    pairs = np.concatenate([half, half[:, ::-1]])
+    half = _pairs(cKDTree(position), float((widest * stretch).max()))
     for factor in rounds:
-        distance = _distances(position, pairs)
-        direction = _directions(position, weight, pairs, distance, factor * stretch)
-        shift = _local_means(position, weight, pairs, distance, (0.6 * factor + 0.1) * stretch) - position
+        squared = squared_distances(position, half)
+        direction = _directions(position, weight, half, squared, factor * stretch)
+        shift = _local_means(position, weight, half, squared, (0.6 * factor + 0.1) * stretch) - position
         position = position + shift - np.einsum("ni,ni->n", shift, direction)[:, None] * direction
-    distance = _distances(position, pairs)
     last = np.where(blunt, _BLUNT[-1], _SHARP[-1]) * stretch
-    direction = _directions(position, weight, pairs, distance, last)
+    direction = _directions(position, weight, half, squared_distances(position, half), last)
     return Nodes(position, direction, weight, density)
 
 
@@ -174,38 +172,42 @@ def _centring_steps(
     row, column = moving[near["i"]], near["j"]
     count = len(line)
     line = line.copy()
+    of_point = points[column].T.copy()
     for _ in range(steps):
         tangent = np.gradient(line, axis=0)
         tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-300)
-        offset = points[column] - line[row]
-        along = np.einsum("pi,pi->p", offset, tangent[row])
-        offset -= along[:, None] * tangent[row]
-        distance = np.sqrt(np.einsum("pi,pi->p", offset, offset))
+        vertex, along_line = line.T.copy(), tangent.T.copy()
+        offset = [of_point[c] - vertex[c][row] for c in range(3)]
+        forward = [along_line[c][row] for c in range(3)]
+        along = offset[0] * forward[0] + offset[1] * forward[1] + offset[2] * forward[2]
+        x, y, z = (offset[c] - along * forward[c] for c in range(3))
+        distance = np.maximum(np.sqrt(x * x + y * y + z * z), 1e-300)
         residual = distance - radius
-        weight = np.maximum(1.0 - (along / half) ** 2, 0.0) ** 2 * np.maximum(1.0 - (residual / radius) ** 2, 0.0) ** 2
-        offset /= np.maximum(distance, 1e-300)[:, None]
-        x, y, z = offset.T
-        wx, wy, wz = (weight * component for component in (x, y, z))
-        sums = [np.bincount(row, term, count) for term in (wx * x, wx * y, wy * y, wx * z, wy * z, wz * z)]
-        pulls = [np.bincount(row, term * residual, count) for term in (wx, wy, wz)]
-        right: Array = np.array(pulls, dtype=float).T
-        normal: Array = np.array(sums, dtype=float).T[:, [0, 1, 3, 1, 2, 4, 3, 4, 5]].reshape(-1, 3, 3)
-        # Neighbours share what they know, which matters most where points are few. Half a point at rest holds what no
-        # point does; along the line nothing is known at all.
-        for _ in range(pooling):
-            normal, right = _with_neighbours(normal), _with_neighbours(right)
+        weight = np.maximum(1.0 - (along / half) ** 2, 0.0) * np.maximum(1.0 - (residual / radius) ** 2, 0.0)
+        weight *= weight
+        x, y, z = x / distance, y / distance, z / distance
+        wx, wy, wz = weight * x, weight * y, weight * z
+        terms = [wx * x, wx * y, wy * y, wx * z, wy * z, wz * z, wx * residual, wy * residual, wz * residual]
+        # Neighbours share what they know, which matters most where points are few.
+        sums = _pooled(np.stack([np.bincount(row, term, count) for term in terms]), pooling)
+        normal = np.ascontiguousarray(sums[[0, 1, 3, 1, 2, 4, 3, 4, 5]].T).reshape(-1, 3, 3)
+        # Half a point at rest holds what no point does; along the line nothing is known at all.
         normal += 0.5 * np.eye(3) + 1e3 * tangent[:, :, None] * tangent[:, None, :]
-        shift = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
+        shift = np.linalg.solve(normal, np.ascontiguousarray(sums[6:].T)[:, :, None])[:, :, 0]
         length = np.linalg.norm(shift, axis=1, keepdims=True)
         line += shift * np.minimum(1.0, 0.5 * radius / np.maximum(length, 1e-300))
     return line, np.bincount(row, minlength=count).astype(float)
 
 
-def _with_neighbours(rows: Array) -> Array:
-    """Weighted means 1 2 1 over neighbouring rows; the ends count twice."""
-    padded = np.concatenate([rows[:1], rows, rows[-1:]])
-    result: Array = 0.25 * (padded[:-2] + 2.0 * rows + padded[2:])
-    return result
+def _pooled(columns: Array, times: int) -> Array:
+    """Weighted means 1 2 1 over neighbouring columns; the ends count twice: (F, K) -> (F, K)."""
+    for _ in range(times):
+        inner = 0.5 * (columns[:, 1:] + columns[:, :-1])
+        columns = columns.copy()
+        columns[:, 1:-1] = 0.5 * (inner[:, 1:] + inner[:, :-1])
+        columns[:, 0] = 0.5 * (columns[:, 0] + inner[:, 0])
+        columns[:, -1] = 0.5 * (columns[:, -1] + inner[:, -1])
+    return columns
 
 
 def cells(points: Array, size: float) -> tuple[IntArray, Array, Array]:
@@ -221,69 +223,93 @@ def cells(points: Array, size: float) -> tuple[IntArray, Array, Array]:
     grid = np.floor((points - points.min(axis=0)) / size).astype(np.int64)
     shape = grid.max(axis=0) + 1
     key = (grid[:, 0] * shape[1] + grid[:, 1]) * shape[2] + grid[:, 2]
-    _, of_point, count = np.unique(key, return_inverse=True, return_counts=True)
+    total = int(shape.prod())
+    if total < 16 * len(points):
+        # Few enough cells to count them all, which is faster than sorting.
+        count = np.bincount(key, minlength=total)
+        occupied = count > 0
+        of_point, count = (np.cumsum(occupied) - 1)[key], count[occupied]
+    else:
+        _, of_point, count = np.unique(key, return_inverse=True, return_counts=True)
     mean = np.stack([np.bincount(of_point, points[:, i]) for i in range(3)], axis=1) / count[:, None]
     return of_point, mean, count.astype(float)
 
 
 def _moments(points: Array) -> Array:
-    """Rows 1, x, y, z, xx, xy, yy, xz, yz, zz: (M, 3) -> (M, 10)."""
-    x, y, z = points.T
-    return np.stack([np.ones_like(x), x, y, z, x * x, x * y, y * y, x * z, y * z, z * z], axis=1)
+    """Columns 1, x, y, z, xx, xy, yy, xz, yz, zz: (M, 3) -> (M, 10)."""
+    x, y, z = points.T.copy()
+    moments = np.empty((len(points), 10))
+    for column, values in enumerate((1.0, x, y, z, x * x, x * y, y * y, x * z, y * z, z * z)):
+        moments[:, column] = values
+    return moments
 
 
 def _covariances(sums: Array) -> Array:
-    """Covariances from sums of `_moments`: (M, 10) -> (M, 3, 3)."""
-    scaled = sums / np.maximum(sums[:, :1], 1e-300)
-    mean = scaled[:, 1:4]
-    second = scaled[:, [4, 5, 7, 5, 6, 8, 7, 8, 9]].reshape(-1, 3, 3)
-    return second - mean[:, :, None] * mean[:, None, :]
+    """Covariances xx, xy, yy, xz, yz, zz from sums of `_moments`: (M, 10) -> (6, M)."""
+    scaled = sums.T.copy()
+    scaled /= np.maximum(scaled[0], 1e-300)
+    _, x, y, z = scaled[:4]
+    second = scaled[4:]
+    for row, product in zip(second, (x * x, x * y, y * y, x * z, y * z, z * z), strict=True):
+        row -= product
+    return second
+
+
+def _pairs(tree: cKDTree, reach: float) -> IntArray:
+    """Pairs of points within reach, each once: (2, P)."""
+    return np.ascontiguousarray(tree.query_pairs(reach, output_type="ndarray").T)
 
 
 def _sums(half: IntArray, features: Array) -> Array:
     """Sums of the rows of `features` over each point's neighbours and itself; pairs are listed once: (N, F)."""
     count = len(features)
-    near = coo_matrix((np.ones(len(half)), (half[:, 0], half[:, 1])), shape=(count, count))
+    near = coo_matrix((np.ones(half.shape[1]), (half[0], half[1])), shape=(count, count))
     result: Array = near @ features + near.T @ features + features
     return result
 
 
 def _density(position: Array, weight: Array, radius: float) -> Array:
     """Points for each radius of length around each node."""
-    half = cKDTree(position).query_pairs(2.0 * radius, output_type="ndarray")
-    return _sums(half, weight[:, None])[:, 0] / 4.0
+    i, j = _pairs(cKDTree(position), 2.0 * radius)
+    count = len(weight)
+    return (weight + np.bincount(i, weight[j], count) + np.bincount(j, weight[i], count)) / 4.0
 
 
 def _local_centroids(points: Array, size: float, reach: float) -> Array:
     """Centroid of the points around each point, by cells of the given size whose means lie within reach."""
     of_point, mean, count = cells(points, size)
-    half = cKDTree(mean).query_pairs(reach, output_type="ndarray")
-    sums = _sums(half, np.column_stack([mean, np.ones(len(mean))]) * count[:, None])
+    sums = _sums(_pairs(cKDTree(mean), reach), np.column_stack([mean, np.ones(len(mean))]) * count[:, None])
     return (sums[:, :3] / sums[:, 3:])[of_point]
 
 
-def _distances(points: Array, pairs: IntArray) -> Array:
-    offset = points[pairs[:, 0]] - points[pairs[:, 1]]
-    return np.sqrt(np.einsum("pi,pi->p", offset, offset))
+def squared_distances(points: Array, pairs: IntArray) -> Array:
+    """Of pairs of points: (M, 3), (2, P) -> (P,)."""
+    i, j = pairs
+    squared = np.zeros(len(i))
+    for column in points.T.copy():
+        # Gathering from a column is several times faster than gathering rows.
+        squared += (column[i] - column[j]) ** 2
+    return squared
 
 
-def _weighted_sums(features: Array, weight: Array, pairs: IntArray, distance: Array, reach: Array) -> Array:
+def _weighted_sums(features: Array, weight: Array, half: IntArray, squared: Array, reach: Array) -> Array:
     """Sums with the weights (1 - (d / reach)^2)^2 of the neighbours, times their number of points; and of itself."""
-    ratio = distance / reach[pairs[:, 0]]
-    inside = np.flatnonzero(ratio < 1.0)
-    rows, columns = pairs[inside].T
-    value = (1.0 - ratio[inside] ** 2) ** 2
     weighted = features * weight[:, None]
-    near = coo_matrix((value, (rows, columns)), shape=(len(weight), len(weight)))
-    result: Array = near @ weighted + weighted
+    result = weighted.copy()
+    scale = 1.0 / reach**2
+    for rows, columns in (half, half[::-1]):
+        value = 1.0 - squared * scale[rows]
+        inside = np.flatnonzero(value > 0.0)
+        value = value[inside] ** 2
+        result += coo_matrix((value, (rows[inside], columns[inside])), shape=(len(weight), len(weight))) @ weighted
     return result
 
 
-def _directions(position: Array, weight: Array, pairs: IntArray, distance: Array, reach: Array) -> Array:
+def _directions(position: Array, weight: Array, half: IntArray, squared: Array, reach: Array) -> Array:
     """Principal directions of the neighbourhoods, (N, 3)."""
-    return smallest_axes(-_covariances(_weighted_sums(_moments(position), weight, pairs, distance, reach)))
+    return smallest_axes(-_covariances(_weighted_sums(_moments(position), weight, half, squared, reach)))
 
 
-def _local_means(position: Array, weight: Array, pairs: IntArray, distance: Array, reach: Array) -> Array:
-    sums = _weighted_sums(np.column_stack([position, np.ones(len(position))]), weight, pairs, distance, reach)
+def _local_means(position: Array, weight: Array, half: IntArray, squared: Array, reach: Array) -> Array:
+    sums = _weighted_sums(np.column_stack([position, np.ones(len(position))]), weight, half, squared, reach)
     return sums[:, :3] / sums[:, 3:]

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from dlogen.model import Array, BoolArray, IntArray
 from dlogen.polyline import arc_lengths, resample
-from dlogen.stages.medial import Nodes
+from dlogen.stages.medial import Nodes, squared_distances
 
 #: Pieces shorter than this, in radii, are taken for strays.
 SHORTEST = 2.5
@@ -145,15 +145,16 @@ def _link(nodes: Nodes, radius: float) -> csr_matrix:
     """Graph of nodes that lie in each other's direction; the links are as long as they are in space."""
     # With few points there are holes by chance: one of this length is as rare as e^-15.
     reach = radius * np.clip(15.0 / nodes.density, 2.0, 6.0)
-    pairs = cKDTree(nodes.position).query_pairs(float(reach.max()), output_type="ndarray")
-    i, j = pairs.T
-    offset = nodes.position[j] - nodes.position[i]
-    squared = np.einsum("pi,pi->p", offset, offset)
-    alike = np.abs(np.einsum("pi,pi->p", nodes.direction[i], nodes.direction[j])) > 0.75
-    alike &= squared < np.minimum(reach[i], reach[j]) ** 2
-    limit = (0.5 * radius + 0.4 * np.sqrt(squared)) ** 2
-    for end in (i, j):
-        alike &= squared - np.einsum("pi,pi->p", offset, nodes.direction[end]) ** 2 < limit
+    pairs = cKDTree(nodes.position).query_pairs(float(reach.max()), output_type="ndarray").T
+    squared = squared_distances(nodes.position, pairs)
+    near = np.flatnonzero(squared < np.minimum(*(reach**2)[pairs]))
+    (i, j), squared = pairs[:, near], squared[near]
+    offset = np.take(nodes.position, j, axis=0) - np.take(nodes.position, i, axis=0)
+    limit = squared - (0.5 * radius + 0.4 * np.sqrt(squared)) ** 2
+    one, other = np.take(nodes.direction, i, axis=0), np.take(nodes.direction, j, axis=0)
+    alike = np.abs(np.einsum("pi,pi->p", one, other)) > 0.75
+    for direction in (one, other):
+        alike &= np.einsum("pi,pi->p", offset, direction) ** 2 > limit
     i, j, length = i[alike], j[alike], np.sqrt(squared[alike])
     # Zero would mean no link.
     length = np.maximum(length, 1e-9 * radius)
@@ -171,8 +172,8 @@ def _longest_paths(graph: csr_matrix) -> tuple[list[tuple[IntArray, float]], Int
         by_distance = np.lexsort((distance, label))
         return by_distance[np.append(np.searchsorted(label[by_distance], np.arange(1, count)), len(label)) - 1]
 
-    start = farthest(dijkstra(graph, directed=False, indices=first, min_only=True))
-    distance, before, _ = dijkstra(graph, directed=False, indices=start, min_only=True, return_predecessors=True)
+    start = farthest(dijkstra(graph, indices=first, min_only=True))
+    distance, before, _ = dijkstra(graph, indices=start, min_only=True, return_predecessors=True)
     end = farthest(distance)
     paths = []
     for node in end:

@@ -18,7 +18,7 @@ from dlogen.model import Array, BoolArray, Finding, IntArray, Skeleton
 from dlogen.stages.curvature import max_curvature
 from dlogen.stages.ends import find_ends, find_gaps
 from dlogen.stages.scale import spatial_sample
-from dlogen.stages.tube_curve import TubeCurve, arc_table, from_polyline, reparametrised
+from dlogen.stages.tube_curve import TubeCurve, arc_at, arc_table, from_polyline, reparametrised
 from dlogen.stages.tube_fit import LEAST_FLOOR, Tube, all_points, gauss_newton
 
 #: Knot spacing over the radius, while the points near the curve are looked for and in the end. A cubic spline with
@@ -59,10 +59,6 @@ _UNEVEN = 5e-5
 
 #: Points within so many standard deviations of the surface belong to the tube; and within this share of the radius.
 _INLIER, _INLIER_FLOOR = 4.0, 0.02
-
-
-#: Gaps below this share of the length are bridged without doubt.
-_SMALL_GAP = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +229,7 @@ def _result(tube: Tube, whole: Tube, origin: Array, fixed_radius: bool) -> Refin
     grid, arc, _ = arc_table(curve)
     scale = max(sigma, _INLIER_FLOOR / _INLIER * radius)
     deviation = np.abs(tube.residual) / scale
-    s = np.interp(tube.x, grid, arc)
+    s = arc_at(arc, tube.x)
     inside = s[(deviation < _INLIER) & tube.on_curve]
     first, last = find_ends(inside, deviation[tube.on_curve], sigma)
     start, end = first.position, last.position
@@ -254,7 +250,7 @@ def _result(tube: Tube, whole: Tube, origin: Array, fixed_radius: bool) -> Refin
 
     used = len(s)
     if whole is not tube:
-        s, deviation = np.interp(whole.x, grid, arc), np.abs(whole.residual) / scale
+        s, deviation = arc_at(arc, whole.x), np.abs(whole.residual) / scale
     inlier = (deviation < _INLIER) & (s > start - _INLIER * scale) & (s < end + _INLIER * scale) & whole.on_curve
     return Refined(
         skeleton=skeleton,

@@ -78,6 +78,11 @@ def spatial_sample(points: Array, count: int) -> IntArray:
         (K,) indices.
     """
     index = thinned(points, count)
+    first = points[index, 0]
+    order = np.argsort(first)
+    first = first[order]
+    if (first[1:] != first[:-1]).all():
+        return index[order]
     chosen = points[index]
     order = np.lexsort(chosen.T[::-1])
     chosen = chosen[order]
@@ -136,7 +141,8 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
     tree = cKDTree(sample)
     distance, index = tree.query(sample[:: -(-len(sample) // 400)], min(_PATCH, len(sample)))
     patch = sample[index] - sample[index].mean(axis=1, keepdims=True)
-    thickness = np.sqrt(np.maximum(eigenvalues(np.einsum("pki,pkj->pij", patch, patch) / _PATCH)[:, 0], 0.0))
+    products = np.einsum("pki,pkj->ijp", patch, patch)[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+    thickness = np.sqrt(np.maximum(eigenvalues(products / _PATCH)[0], 0.0))
     # On a surface the spacing goes with the root of the number of points.
     spacing = float(np.median(distance[:, 1])) * float(np.sqrt(len(sample) / max(len(points), len(sample))))
 
@@ -248,30 +254,26 @@ def _grow(around: Array, step: int, complete: bool) -> Array:
     `step`: only every so many points were looked at; `complete`: there are no more neighbours.
     """
     total = around.shape[1]
-    sizes = np.unique(np.round(np.geomspace(min(_FEWEST, total), total, 16)).astype(np.intp))
-    origin = around[:, :1, :]
-    x, y, z = np.moveaxis(around - origin, 2, 0)
-    features = np.stack([x, y, z, x * x, y * x, y * y, z * x, z * y, z * z])
+    growth = (total / _FEWEST) ** (np.arange(16) / 15.0)
+    sizes = np.unique(np.minimum(np.round(_FEWEST * growth).astype(np.intp), total))
+    origin = around[:, 0, :]
+    x, y, z = np.ascontiguousarray(np.moveaxis(around - origin[:, None, :], 2, 0))
+    features = np.stack([x, y, z, x * x, x * y, y * y, x * z, y * z, z * z])
     sums = np.cumsum(np.add.reduceat(features, np.concatenate([[0], sizes[:-1]]), axis=2), axis=2) / sizes
-    mean = np.moveaxis(sums[:3], 0, -1)
-    covariance = np.empty((*mean.shape, 3))
-    row = 3
-    for i in range(3):
-        for j in range(i + 1):
-            covariance[..., i, j] = covariance[..., j, i] = sums[row] - sums[i] * sums[j]
-            row += 1
-    values = eigenvalues(covariance)
-    elongated = values[..., 2] > _ELONGATION * values[..., 1]
+    x, y, z = sums[:3]
+    covariance = sums[3:] - np.stack([x * x, x * y, y * y, x * z, y * z, z * z])
+    _, middle, largest = eigenvalues(covariance)
+    elongated = largest > _ELONGATION * middle
     # A few points are elongated by chance: it must last over the next sizes, too.
     after = np.concatenate([elongated[:, 1:], np.full((len(elongated), 2), complete)], axis=1)
     lasting = elongated & after[:, :-1] & after[:, 1:]
     at = np.argmax(lasting, axis=1)
     each = np.arange(len(around))
-    direction = smallest_axes(-covariance[each, at])
-    along, across = np.sqrt(np.maximum(values[each, at, 2], 1e-300)), np.sqrt(np.maximum(values[each, at, 1], 1e-300))
+    direction = smallest_axes(-covariance[:, each, at])
+    along, across = (np.sqrt(np.maximum(values[each, at], 1e-300)) for values in (largest, middle))
     width = np.where(lasting.any(axis=1), np.sqrt(2.0) * across, 0.0)
     per_length = step * sizes[at] / (2.0 * np.sqrt(3.0) * along)
-    return np.column_stack([mean[each, at] + origin[:, 0], direction, width, per_length, at > 0])
+    return np.column_stack([sums[:3, each, at].T + origin, direction, width, per_length, at > 0])
 
 
 @dataclass(frozen=True)

@@ -161,6 +161,14 @@ def arc_table(curve: TubeCurve) -> tuple[Array, Array, Array]:
     return grid, np.concatenate([[0.0], np.cumsum(cells)]), ends
 
 
+def arc_at(length: Array, x: Array) -> Array:
+    """Arc length at places x of a curve, given its `arc_table`: (K,) -> (K,)."""
+    at = x * _CELLS
+    k = np.minimum(at.astype(np.intp), len(length) - 2)
+    before = length[k]
+    return before + (at - k) * (length[k + 1] - before)
+
+
 def _inverse(grid: Array, length: Array, speed: Array, at: Array) -> Array:
     """x at given arc lengths, by cubic Hermite interpolation of the table."""
     k = np.clip(np.searchsorted(length, at, side="right") - 1, 0, len(grid) - 2)
@@ -228,8 +236,9 @@ def nearest(curve: TubeCurve, points: Array, spacing: float) -> Array:
     """Foot parameter of the nearest of samples at most `spacing` apart: (3, M) -> (M,)."""
     per_interval = max(1, int(np.ceil(curve.step / spacing)))
     places = (np.arange(per_interval) + 0.5) / per_interval
-    samples = curve.everywhere(places).T
-    index = cKDTree(samples, leafsize=32, balanced_tree=False, compact_nodes=False).query(points.T)[1]
+    # Contiguous rows, since the query is slow on others.
+    samples = np.ascontiguousarray(curve.everywhere(places).T)
+    index = cKDTree(samples).query(np.ascontiguousarray(points.T))[1]
     return (index + 0.5) / per_interval
 
 

@@ -345,7 +345,13 @@ def _noise_variance(radius: float, sigma: float) -> float:
 
 def robust_scale(residual: Array) -> float:
     """Standard deviation of the Gaussian core: 1.4826 times the median absolute residual."""
-    return 1.4826 * float(np.median(np.abs(residual)))
+    return 1.4826 * median(np.abs(residual))
+
+
+def median(values: Array) -> float:
+    """The median, of an even number the upper one of the middle two: a third of the time of numpy's."""
+    middle = len(values) // 2
+    return float(np.partition(values, middle)[middle])
 
 
 def tukey(residual: Array, scale: float) -> Array:
@@ -399,9 +405,10 @@ def gauss_newton(
             sums = _solid_normals(curve, k, t, direction, distance, near)
         else:
             residual = distance - expected
-            scale = robust_scale(residual[near])
+            inside = residual[near]
+            scale = robust_scale(inside)
             # A wrong radius shifts all residuals; only their spread about that is noise.
-            sigma = min(scale, robust_scale(residual[near] - np.median(residual[near])))
+            sigma = min(scale, robust_scale(inside - median(inside)))
             weight = np.where(near, tukey(residual, max(scale, floor * radius)), 0.0)
             sums = normals(k, t, direction, residual, weight, curve.intervals)
         problem = Linearisation(curve, sums, free_radius)

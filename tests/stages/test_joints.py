@@ -64,7 +64,7 @@ def check(line: Skeleton, joints: Joints, length: float) -> None:
         assert joints.segment_length == length
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=25)
 @given(
     st.integers(0, 100_000),
     st.integers(4, 16),

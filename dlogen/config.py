@@ -696,7 +696,7 @@ def _contradictions(values: Values, places: Mapping[str, str]) -> list[Problem]:
     problems += _material_contradictions(given, said)
     name = given.get("frame.name", "base_link")
     if not re.fullmatch(r"[A-Za-z_][\w./-]*", name, re.ASCII) or re.match(
-        r"(segment|joint)_|(base_joint|tip.*)$", name
+        r"(segment|joint)_|(base_joint|tip|tip_joint)$", name
     ):
         problems.append(
             Problem(

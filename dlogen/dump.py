@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dlogen.model import Array
+from dlogen.model import Array, IntArray
 from dlogen.stages.curvature import curvature
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def _colours(value: Array) -> np.ndarray:
     return np.stack([np.interp(value, [0.0, 0.5, 1.0], stops[:, i]) for i in range(3)], axis=1).round().astype("u1")
 
 
-def csv_bytes(header: str, *columns: Array) -> bytes:
+def csv_bytes(header: str, *columns: Array | IntArray) -> bytes:
     """A table as CSV with a header; numbers read back as they are. Columns are (K,) or (K, D)."""
     table = np.column_stack(columns)
     out = io.StringIO()

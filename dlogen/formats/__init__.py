@@ -71,7 +71,7 @@ class ModelFormat:
 @cache
 def registered() -> tuple[CloudFormat | ModelFormat, ...]:
     """All formats, in the order of their names."""
-    found = []
+    found: list[CloudFormat | ModelFormat] = []
     for module in sorted(info.name for info in pkgutil.iter_modules(__path__)):
         imported = importlib.import_module(f"{__name__}.{module}")
         found += [imported.FORMAT] if hasattr(imported, "FORMAT") else getattr(imported, "FORMATS", ())

@@ -34,6 +34,8 @@ from dlogen.stages.scale import Scale, estimate_scale, spatial_sample
 #: Size of the subset that the order is found on: at most, and for each radius of length.
 _SAMPLE = 6000
 _PER_RADIUS = 22.0
+#: Size of the subset that tells the share of strays.
+_LOOKED_AT = 2000
 #: Share of places where the cloud is longer than wide, below which it is no line.
 _LINE_SHARE = 0.35
 #: Shorter than this, in radii, and it is no line.
@@ -140,7 +142,7 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
     longest = max(lines, key=lambda candidate: candidate.length)
     others = [other for other in lines if other is not longest]
     line = longest.canonical()
-    near = _around(sample, line.points, r, scale.noise)
+    near = _around(sample[:: -(-len(sample) // _LOOKED_AT)], line.points, r, scale.noise)
     findings = [
         *_about_cloud(scale, per_radius, near, line, r),
         *_about_rest(others, line, r, origin),

@@ -15,7 +15,6 @@ import numpy.typing as npt
 from dlogen.basis import CubicBSpline
 from dlogen.errors import FitError
 from dlogen.model import Array, BoolArray, Finding, IntArray, Skeleton
-from dlogen.stages.curvature import max_curvature
 from dlogen.stages.ends import find_ends, find_gaps
 from dlogen.stages.scale import spatial_sample
 from dlogen.stages.tube_curve import TubeCurve, arc_at, arc_table, from_polyline, reparametrised
@@ -53,6 +52,9 @@ _BEND_KNOWN, _STRAIGHT = 0.25, 0.2
 
 #: Deviation of the output's basis functions from the fitted curve, in radii, and of its curvature, relative.
 _DEVIATION, _BEND_DEVIATION = 1e-4, 0.01
+
+#: Places in every interval where the curvature is looked at.
+_CURVATURES = 6
 
 #: Deviation of the output's parameter from arc length, relative to the length.
 _UNEVEN = 5e-5
@@ -154,7 +156,7 @@ def _rough(points: Array, backbone: Array, radius: float, fixed_radius: bool) ->
     for step in range(_ROUNDS):
         # The radius is freed when the axis is halfway right: from outside it, a circle can be fitted in two ways.
         free = step > 0 and not fixed_radius
-        tube = gauss_newton(points, tube, free_radius=free, steps=1, floor=0.1, search=step % 2 == 0)
+        tube = gauss_newton(points, tube, free_radius=free, steps=1, floor=0.1, search=step == 0)
         grown = _on_support(tube, 1.0, _COARSE * radius, _ROUGH_INTERVALS)
         if step >= 2 and grown.curve.length < tube.curve.length + 0.5 * radius:
             break
@@ -164,7 +166,7 @@ def _rough(points: Array, backbone: Array, radius: float, fixed_radius: bool) ->
 
 def _fine(points: Array, tube: Tube, fixed_radius: bool, radius: float) -> Tube:
     """The tube that fits best, from one that is nearly right: (3, M) points. `radius` is for noise that hides it."""
-    first = gauss_newton(points, tube, free_radius=not fixed_radius, steps=2, floor=0.02, search=True)
+    first = gauss_newton(points, tube, free_radius=not fixed_radius, steps=1, floor=0.02, search=True)
     if first.sigma > _SOLID * first.radius:
         tube = replace(tube, radius=radius, solid=True)
         return gauss_newton(points, tube, free_radius=False, steps=8, floor=LEAST_FLOOR, search=True)
@@ -195,12 +197,14 @@ def _on_support(tube: Tube, margin: float, spacing: float, most: int) -> Tube:
     """The curve cut or extended to where the points are and `margin` radii beyond, with knots `spacing` apart."""
     curve, radius = tube.curve, tube.radius
     inlier = (np.abs(tube.residual) < max(3.0 * tube.sigma, 0.2 * radius)) & tube.on_curve
-    s = tube.x[inlier] * curve.step
+    arc = arc_table(curve)[1]
+    whole, length = arc_at(arc, tube.x), float(arc[-1])
+    s = whole[inlier]
     if len(s) < 2:
         raise FitError("hardly any points near the backbone", "check r and units", stage="refine")
-    bins = max(10, min(int(curve.length / radius), len(s) // 15))
-    counts = np.bincount(np.minimum((s * (bins / curve.length)).astype(np.intp), bins - 1), minlength=bins)
-    low, high = (place * curve.length / bins for place in (_first_full(counts), bins - _first_full(counts[::-1])))
+    bins = max(10, min(int(length / radius), len(s) // 15))
+    counts = np.bincount(np.minimum((s * (bins / length)).astype(np.intp), bins - 1), minlength=bins)
+    low, high = (place * length / bins for place in (_first_full(counts), bins - _first_full(counts[::-1])))
     s = np.sort(s[(s >= low) & (s <= high)])
     # Where points are sparse, the last one may be farther from the end.
     few = min(_FEW, len(s) - 1)
@@ -210,7 +214,7 @@ def _on_support(tube: Tube, margin: float, spacing: float, most: int) -> Tube:
     most = max(_FEWEST_INTERVALS, min(most, len(s) // _POINTS_PER_INTERVAL))
     intervals = int(np.clip(round((high - low) / spacing), _FEWEST_INTERVALS, most))
     moved = reparametrised(curve, intervals, low, high)
-    x = np.clip((tube.x * curve.step - low) / moved.step, 0.0, float(intervals))
+    x = np.clip((whole - low) / moved.step, 0.0, float(intervals))
     return Tube(moved, radius, tube.sigma, x, tube.distance, tube.smoothing)
 
 
@@ -235,9 +239,11 @@ def _result(tube: Tube, whole: Tube, origin: Array, fixed_radius: bool) -> Refin
     start, end = first.position, last.position
     if not end - start > 0.1 * radius:
         raise FitError("the line has no length", "check r and units", stage="refine")
-    skeleton = _skeleton(curve, start, end, radius, origin)
+    fitted = _output(curve, start, end, radius)
+    length = float(arc_table(fitted)[1][-1])
+    skeleton = Skeleton(CubicBSpline(fitted.intervals + 3), fitted.coefficients, origin, length)
 
-    kappa, s_kappa = max_curvature(skeleton)
+    kappa, s_kappa = _max_curvature(fitted)
     kappa_std = _curvature_std(tube, float(np.interp(start + s_kappa * (end - start), arc, grid)))
     if fixed_radius:
         radius_std = 0.0
@@ -271,8 +277,8 @@ def _result(tube: Tube, whole: Tube, origin: Array, fixed_radius: bool) -> Refin
     )
 
 
-def _skeleton(curve: TubeCurve, start: float, end: float, radius: float, origin: Array) -> Skeleton:
-    """The curve between two arc lengths as basis functions of s in [0, 1], with as few of them as follow it."""
+def _output(curve: TubeCurve, start: float, end: float, radius: float) -> TubeCurve:
+    """The curve between two arc lengths, with as few intervals as follow it."""
     spacing = _sufficient_spacing(curve, radius)
     most = 2 * curve.intervals
     intervals = int(np.clip(np.ceil((end - start) / max(spacing, 0.5 * curve.step)), 4, most))
@@ -281,9 +287,19 @@ def _skeleton(curve: TubeCurve, start: float, end: float, radius: float, origin:
         grid, arc, _ = arc_table(moved)
         uneven = float(np.abs(arc / arc[-1] - grid / grid[-1]).max())
         if uneven < _UNEVEN or intervals >= most:
-            break
+            return moved
         intervals = min(2 * intervals, most)
-    return Skeleton(CubicBSpline(intervals + 3), moved.coefficients, origin, float(arc[-1]))
+
+
+def _max_curvature(curve: TubeCurve) -> tuple[float, float]:
+    """The largest curvature, 1/m, and where it is, in [0, 1]."""
+    places = (np.arange(_CURVATURES) + 0.5) / _CURVATURES
+    best = int(np.argmax(curve.curvature(places)))
+    fine = np.clip((best + np.linspace(-0.5, 1.5, 41)) / _CURVATURES, 0.0, curve.intervals)
+    first, second = curve(fine, 1), curve(fine, 2)
+    bend = np.linalg.norm(np.cross(first, second), axis=1) / np.linalg.norm(first, axis=1) ** 3
+    peak = int(np.argmax(bend))
+    return float(bend[peak]), float(fine[peak]) / curve.intervals
 
 
 def _curvature_std(tube: Tube, x: float) -> float:

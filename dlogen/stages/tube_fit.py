@@ -41,6 +41,9 @@ _CHUNK = 1 << 14
 #: Smallest scale of the robust weights in the last steps, in radii: the error of the curve itself.
 LEAST_FLOOR = 5e-4
 
+#: A step that changes the distances by less than the sum of these, in radii and in standard deviations, is the last.
+_STILL, _STILL_NOISE = 1e-5, 0.02
+
 #: Fewest points near the curve that a fit goes on with.
 _FEWEST = 10
 
@@ -380,7 +383,7 @@ def gauss_newton(
         search: look for the nearest place on the whole curve first, not only near the present feet.
 
     Returns:
-        The tube after the last step; x and distances are those to the curve before it.
+        The tube after the last step, its speed not evened; x and distances are those to the curve before it.
 
     Raises:
         FitError: hardly any points near the curve.
@@ -390,6 +393,8 @@ def gauss_newton(
     if search:
         x = nearest(curve, points, 0.5 * radius)
     for step in range(steps):
+        if step > 0:
+            curve = evened(curve)
         x, k, t, offset = foot_points(curve, points, x, 2 if search and step == 0 else 1)
         distance = np.sqrt(dot(offset, offset))
         expected = expected_distance(radius, sigma)
@@ -415,8 +420,9 @@ def gauss_newton(
         solution = problem.best(smoothing, _LOG_ROUGH if floor >= 0.1 else _LOG_LAMBDA[0])
         smoothing = solution.smoothing
         radius = max(radius + solution.radius_step, 0.2 * radius)
-        curve = evened(solution.curve)
-        if problem.moved(solution) < 1e-6 * radius + 0.005 * sigma:
+        curve = solution.curve
+        # The next step would be some ten times smaller again.
+        if step < steps - 1 and problem.moved(solution) < _STILL * radius + _STILL_NOISE * sigma:
             break
     return Tube(curve, radius, sigma, x, distance, smoothing, solution, tube.solid)
 

@@ -158,7 +158,7 @@ def _rough(points: Array, backbone: Array, radius: float, fixed_radius: bool) ->
         free = step > 0 and not fixed_radius
         tube = gauss_newton(points, tube, free_radius=free, steps=1, floor=0.1, search=step == 0)
         grown = _on_support(tube, 1.0, _COARSE * radius, _ROUGH_INTERVALS)
-        if step >= 2 and grown.curve.length < tube.curve.length + 0.5 * radius:
+        if step >= 1 and grown.curve.length < tube.curve.length + 0.5 * radius:
             break
         tube = grown
     return _on_support(tube, 0.7, _knot_spacing(tube), _MOST_INTERVALS)

@@ -20,6 +20,10 @@ from dlogen.materials import PRESETS
 from dlogen.settings import AUTO, Auto, Keys, Problem, Setting, refuse, show, wrong_value
 
 
+#: What ROS and the model formats accept, without the names of the model's own links and joints.
+_FRAME_NAME = re.compile(r"(?!(segment|joint)_|(base_joint|tip|tip_joint)$)[A-Za-z_][\w./-]*", re.ASCII)
+
+
 def _holds(*args: Any, **kwargs: Any) -> dict[str, Setting]:
     """A `Setting` as the metadata of a dataclass field."""
     return {"setting": Setting(*args, **kwargs)}
@@ -428,8 +432,8 @@ class FrameSettings(_Section):
         default=False,
         metadata=_holds(
             "flag",
-            "Move the points by the sensor pose that the file stores (VIEWPOINT of PCD, camera of PLY): for points that "
-            "are in the sensor's frame. Else it only helps with normals.",
+            "Move the points by the sensor pose that the file stores (VIEWPOINT of PCD, camera of PLY): for points in the "
+            "sensor's frame. Else that pose only helps with normals.",
             sought=("viewpoint", "sensor_pose"),
         ),
     )
@@ -694,10 +698,7 @@ def _contradictions(values: Values, places: Mapping[str, str]) -> list[Problem]:
             )
         )
     problems += _material_contradictions(given, said)
-    name = given.get("frame.name", "base_link")
-    if not re.fullmatch(r"[A-Za-z_][\w./-]*", name, re.ASCII) or re.match(
-        r"(segment|joint)_|(base_joint|tip|tip_joint)$", name
-    ):
+    if "frame.name" in given and not _FRAME_NAME.fullmatch(given["frame.name"]):
         problems.append(
             Problem(
                 "",

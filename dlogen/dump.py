@@ -29,7 +29,9 @@ def dump_files(result: Result) -> dict[str, bytes]:
     files["chain.csv"] = csv_bytes(
         "length,x,y,z,r11,r12,r13,r21,r22,r23,r31,r32,r33", chain.lengths, chain.transforms[:, :3, 3], rotation
     )
-    files["mdtw.csv"] = csv_bytes("s,error,skeleton_index,chain_index", result.mdtw.s, result.mdtw.error, result.mdtw.path)
+    files["mdtw.csv"] = csv_bytes(
+        "s,error,skeleton_index,chain_index", result.mdtw.s, result.mdtw.error, result.mdtw.path
+    )
     return {f"{i + 1}_{name}": content for i, (name, content) in enumerate(files.items())}
 
 

@@ -19,7 +19,6 @@ from dlogen.config_reader import Values, read_file, read_mapping, read_override,
 from dlogen.materials import PRESETS
 from dlogen.settings import AUTO, Auto, Keys, Problem, Setting, refuse, show, wrong_value
 
-
 #: What ROS and the model formats accept, without the names of the model's own links and joints.
 _FRAME_NAME = re.compile(r"(?!(segment|joint)_|(base_joint|tip|tip_joint)$)[A-Za-z_][\w./-]*", re.ASCII)
 
@@ -432,8 +431,8 @@ class FrameSettings(_Section):
         default=False,
         metadata=_holds(
             "flag",
-            "Move the points by the sensor pose that the file stores (VIEWPOINT of PCD, camera of PLY): for points in the "
-            "sensor's frame. Else that pose only helps with normals.",
+            "Move the points by the sensor pose that the file stores (VIEWPOINT of PCD, camera of PLY): for points in "
+            "the sensor's frame. Else that pose only helps with normals.",
             sought=("viewpoint", "sensor_pose"),
         ),
     )

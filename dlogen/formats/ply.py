@@ -195,7 +195,9 @@ def write(path: Path, cloud: RawCloud, encoding: str) -> None:
         lines += [f"obj_info num_cols {cloud.width}", f"obj_info num_rows {cloud.height}"]
     lines += [f"element vertex {len(cloud.points)}"]
     lines += [f"property {keywords[code]} {name}" for name, code in layout]
-    pose = None if cloud.viewpoint is None else np.concatenate([cloud.viewpoint[:3], from_quaternion(cloud.viewpoint[3:]).ravel()])
+    pose = None
+    if cloud.viewpoint is not None:
+        pose = np.concatenate([cloud.viewpoint[:3], from_quaternion(cloud.viewpoint[3:]).ravel()])
     if pose is not None:
         lines += ["element camera 1", *(f"property double {name}" for name in _CAMERA)]
     lines += ["end_header", ""]

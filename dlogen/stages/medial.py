@@ -19,14 +19,16 @@ from dlogen.stages.symmetric import smallest_axes
 
 #: Reach of the neighbourhoods in radii, round by round: of nodes of projected points, which are near the axis from the
 #: start, and of others, which are anywhere around the tube.
-_SHARP = (2.0, 2.0, 2.0)
-_BLUNT = (3.5, 2.5, 2.5)
+_SHARP = (2.0, 2.0)
+_BLUNT = (3.5, 2.5)
 
 #: Size of the cells that points are gathered in, in radii: projected points and others.
 _SHARP_CELL, _BLUNT_CELL = 1.0, 1.5
 
 #: Projected points for each radius of length that make others unnecessary.
 _PLENTY = 5.0
+#: Root mean square of the shifts, in radii, below which a line is centred.
+_STILL = 0.05
 #: Fewest points, itself included, that a point's normal is taken from.
 _PATCH = 6
 
@@ -63,6 +65,9 @@ def axis_votes(points: Array, tree: cKDTree, radius: float, spacing: float) -> t
     """
     # A disc of 4 spacings has some 11 points of a random surface; beyond 0.9 radii it is no plane any more.
     reach = float(np.clip(4.0 * spacing, 0.35 * radius, 0.9 * radius))
+    # The nearest neighbour of half of the points on a surface is within a disc where ln 2 others are due.
+    if np.log(2.0) * (reach / spacing) ** 2 < _PATCH - 2:
+        return points, np.zeros(len(points), dtype=bool)
     moments = _sums(_pairs(tree, reach), _moments(points))
     projected = moments[:, 0] >= _PATCH
     if projected.mean() < 0.5:
@@ -196,6 +201,8 @@ def _centring_steps(
         shift = np.linalg.solve(normal, np.ascontiguousarray(sums[6:].T)[:, :, None])[:, :, 0]
         length = np.linalg.norm(shift, axis=1, keepdims=True)
         line += shift * np.minimum(1.0, 0.5 * radius / np.maximum(length, 1e-300))
+        if float((length[moving] ** 2).mean()) < (_STILL * radius) ** 2:
+            break
     return line, np.bincount(row, minlength=count).astype(float)
 
 
@@ -220,9 +227,11 @@ def cells(points: Array, size: float) -> tuple[IntArray, Array, Array]:
     """
     if len(points) == 0:
         return np.zeros(0, dtype=np.intp), np.zeros((0, 3)), np.zeros(0)
-    grid = np.floor((points - points.min(axis=0)) / size).astype(np.int64)
-    shape = grid.max(axis=0) + 1
-    key = (grid[:, 0] * shape[1] + grid[:, 1]) * shape[2] + grid[:, 2]
+    # Columns, since numpy is slow along short rows.
+    columns = points.T.copy()
+    grid = ((columns - columns.min(axis=1)[:, None]) / size).astype(np.int64)
+    shape = grid.max(axis=1) + 1
+    key = (grid[0] * shape[1] + grid[1]) * shape[2] + grid[2]
     total = int(shape.prod())
     if total < 16 * len(points):
         # Few enough cells to count them all, which is faster than sorting.
@@ -231,7 +240,7 @@ def cells(points: Array, size: float) -> tuple[IntArray, Array, Array]:
         of_point, count = (np.cumsum(occupied) - 1)[key], count[occupied]
     else:
         _, of_point, count = np.unique(key, return_inverse=True, return_counts=True)
-    mean = np.stack([np.bincount(of_point, points[:, i]) for i in range(3)], axis=1) / count[:, None]
+    mean = np.stack([np.bincount(of_point, column) for column in columns], axis=1) / count[:, None]
     return of_point, mean, count.astype(float)
 
 

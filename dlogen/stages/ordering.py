@@ -29,7 +29,7 @@ from dlogen.stages.pieces import (
     string_beads,
     trace_pieces,
 )
-from dlogen.stages.scale import Scale, estimate_scale, spatial_sample
+from dlogen.stages.scale import Scale, estimate_scale, middle, spatial_sample
 
 #: Size of the subset that the order is found on: at most, and for each radius of length.
 _SAMPLE = 6000
@@ -120,7 +120,7 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
         points, int(np.clip(_PER_RADIUS / scale.per_radius * scale.radius / r * len(points), 1000, _SAMPLE))
     )
     sample = points[chosen]
-    origin = 0.5 * (sample.min(axis=0) + sample.max(axis=0))
+    origin = middle(sample)
     sample = sample - origin
     thinned = len(sample) / len(points)
     per_radius = scale.per_radius * thinned * r / scale.radius

@@ -29,8 +29,8 @@ _PER_RADIUS = 30.0
 _ELONGATION = 4.0
 #: With fewer points than this, bends are taken for cross-sections.
 _ENOUGH = 50
-#: Points of a patch that tells how thick the surface is.
-_PATCH = 10
+#: Patches that tell how thick the surface is, and the points of each.
+_PATCHES, _PATCH = 240, 10
 #: Fewest points of a neighbourhood that is judged, and of a cross-section.
 _FEWEST = 8
 
@@ -121,6 +121,13 @@ def _hash(points: Array) -> Array:
     return (value >> np.uint64(11)).astype(np.float64) * 2.0**-53
 
 
+def middle(points: Array) -> Array:
+    """The middle of the box around points: (M, 3) -> (3,)."""
+    columns = points.T.copy()  # numpy is slow along short rows
+    result: Array = 0.5 * (columns.min(axis=1) + columns.max(axis=1))
+    return result
+
+
 def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
     """Spacing, radius and noise of a cloud of a tube, seen from all sides or from one.
 
@@ -137,9 +144,9 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
     sample = points[spatial_sample(points, _SAMPLE)]
     if len(sample) < 4:
         raise FitError(f"{len(sample)} distinct points are too few for a centre line", "four are the least")
-    sample = sample - 0.5 * (sample.min(axis=0) + sample.max(axis=0))
+    sample = sample - middle(sample)
     tree = cKDTree(sample)
-    distance, index = tree.query(sample[:: -(-len(sample) // 400)], min(_PATCH, len(sample)))
+    distance, index = tree.query(sample[:: -(-len(sample) // _PATCHES)], min(_PATCH, len(sample)))
     patch = sample[index] - sample[index].mean(axis=1, keepdims=True)
     products = np.einsum("pki,pkj->ijp", patch, patch)[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
     thickness = np.sqrt(np.maximum(eigenvalues(products / _PATCH)[0], 0.0))

@@ -24,10 +24,11 @@ from dlogen.polyline import resample
 from dlogen.stages.chain import build_chain
 from dlogen.stages.checks import check_deviation, check_line, check_points, check_walk, on_surface
 from dlogen.stages.curvature import max_curvature
+from dlogen.stages.cut_ends import cut_ends
 from dlogen.stages.normals import choose_neighbours, estimate_normals, orient_normals
-from dlogen.stages.ordering import order
+from dlogen.stages.ordering import Ordering, order
 from dlogen.stages.projection import project
-from dlogen.stages.refine import refine
+from dlogen.stages.refine import Refined, refine
 from dlogen.stages.residual import foot_points, tube_residual
 from dlogen.stages.scale import estimate_scale, thinned
 from dlogen.stages.segmentation import Wish, segment
@@ -40,6 +41,9 @@ SKELETON_POINTS = 1000
 
 #: Of larger clouds this many points are used: with the noise of any sensor more do not change the line.
 MOST_POINTS = 2_000_000
+
+#: A gap below this share of the length is bridged without doubt.
+SMALL_GAP = 0.05
 
 
 def fit(
@@ -180,20 +184,46 @@ def _refined_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock:
             Intermediate("tube", points[along], {"s": s[along], "residual": residual[along]}, colour="s"),
             Intermediate("off_tube", points[~on_tube], {"residual": residual[~on_tube]}),
         ),
-        _merged(ordering.findings, fitted.findings),
+        (
+            *_findings_of_refined(ordering, fitted),
+            *cut_ends(points, s, on_tube, skeleton, radius),
+        ),
     )
 
 
-def _merged(rough: tuple[Finding, ...], fine: tuple[Finding, ...]) -> tuple[Finding, ...]:
-    """The findings of the ordering and of the fit; a gap that both saw is one, and as doubtful as either says."""
-    out = list(rough)
-    for item in fine:
-        for other in rough:
-            if item.code == other.code == "gap" and abs((item.s or 0.0) - (other.s or 0.0)) < 0.03:
-                out.remove(other)
-                item = replace(item, severity=Quality((item, other)).verdict.replace("good", "note"))
-        out.append(item)
-    return tuple(out)
+def _findings_of_refined(ordering: Ordering, fitted: Refined) -> tuple[Finding, ...]:
+    """What ordering and fit found, each thing once."""
+    line, radius = fitted.skeleton, fitted.radius
+    findings = [finding for finding in ordering.findings if finding.code != "gap"]
+    bridged = [finding for finding in ordering.findings if finding.code == "gap"]
+    # The fit knows best where a gap begins and ends; short ones must have been noticed by the ordering as well.
+    for start, end in fitted.gaps:
+        middle, length = 0.5 * (start + end), (end - start) * line.length
+        seen = [item for item in bridged if item.s is not None and start - 0.03 < item.s < end + 0.03]
+        bridged = [item for item in bridged if item not in seen]
+        crossed = any(join.s[0] < end and start < join.s[1] for join in ordering.joins)
+        if seen or crossed or length > 4.0 * radius:
+            doubt = any(item.severity != "note" for item in seen) or end - start > SMALL_GAP
+            x, y, z = (float(value) for value in line(middle)[0])
+            findings.append(
+                Finding(
+                    "gap",
+                    f"no points over {1e3 * length:.3g} mm ({100 * (end - start):.1f} % of the length): bridged",
+                    "doubtful" if doubt else "note",
+                    middle,
+                    (x, y, z),
+                )
+            )
+    share = fitted.noise / radius
+    if share > 0.01:
+        findings.append(
+            Finding(
+                "noise",
+                f"the points scatter by {1e3 * fitted.noise:.2g} mm, {100 * share:.0f} % of the radius",
+                "doubtful" if share > 0.5 else "note",
+            )
+        )
+    return (*findings, *bridged, *fitted.findings)
 
 
 def _paper_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock: _Clock) -> _Line:

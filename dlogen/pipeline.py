@@ -42,6 +42,19 @@ SKELETON_POINTS = 1000
 #: Of larger clouds this many points are used: with the noise of any sensor more do not change the line.
 MOST_POINTS = 2_000_000
 
+#: What the refined profile chooses from the data by itself.
+_PAPER_ONLY = (
+    "r_n",
+    "N",
+    "beta",
+    "normals.neighbours",
+    "normals.radius",
+    "normals.orientation",
+    "projection.enabled",
+    "sorting.start",
+    "skeleton.tau",
+)
+
 #: A gap below this share of the length is bridged without doubt.
 SMALL_GAP = 0.05
 
@@ -171,6 +184,7 @@ def _refined_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock:
         skeleton, radius = fitted.skeleton, fitted.radius
         settings.update(r=radius, N=skeleton.basis.size)
 
+    unused = [key for key in _PAPER_ONLY if _setting(config, key) != _setting(Config(), key)]
     s, residual = fitted.s, fitted.residuals
     on_tube = fitted.inliers
     along = np.flatnonzero(on_tube)[np.argsort(s[on_tube], kind="stable")]
@@ -185,9 +199,24 @@ def _refined_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock:
             Intermediate("off_tube", points[~on_tube], {"residual": residual[~on_tube]}),
         ),
         (
+            *([_not_used(unused)] if unused else []),
             *_findings_of_refined(ordering, fitted),
             *cut_ends(points, s, on_tube, skeleton, radius),
         ),
+    )
+
+
+def _setting(config: Config, key: str) -> Any:
+    """The value of a dotted key."""
+    value: Any = config
+    for part in key.split("."):
+        value = getattr(value, part)
+    return value
+
+
+def _not_used(keys: list[str]) -> Finding:
+    return Finding(
+        "settings-not-used", f"settings of profile paper only, which this fit did not use: {', '.join(keys)}", "note"
     )
 
 
@@ -319,7 +348,7 @@ def _check_radius(points: Array, radius: float | None) -> None:
     extent = float(np.ptp(points, axis=0).max())
     if radius is not None and 2.0 * radius > extent:
         raise ConfigError(
-            f"r = {radius:g} m is more than the whole cloud, which is {extent:.4g} m large",
+            f"the diameter 2 r = {2.0 * radius:g} m is more than the whole cloud, which is {extent:.4g} m large",
             "r is in metres whatever the cloud's units are; units says what those are",
         )
 

@@ -152,7 +152,8 @@ def _tell(result: Result, console: Console) -> None:
     for finding in result.quality.findings:
         place = f" (at s = {finding.s:.3f})" if finding.s is not None else ""
         text = f"{finding.message}{place} [{finding.code}]"
-        console.detail(text) if finding.severity == "note" else console.warning(text)
+        quiet = finding.severity == "note" and finding.code != "settings-not-used"
+        console.detail(text) if quiet else console.warning(text)
     for made in (result.segmentation, *result.segmentation.alternatives):
         console.detail(
             f"  {made.criterion}, {made.placement}: n = {made.count}, l = {1e3 * made.joints.segment_length:.1f} mm, "

@@ -18,8 +18,8 @@ def chain_dict(result: Result) -> dict[str, Any]:
     """The kinematic chain, `dlogen.chain/1`.
 
     The skeleton line is f(s) = sum_j weights_j phi_j(s) + offset with the basis named in `skeleton.basis`
-    (`dlogen.basis`). `frame_transform` takes the cloud's points, in metres, into the frame. `transforms` are 4 x 4 rows,
-    the frame in the segment's centre with x along the segment.
+    (`dlogen.basis`). `frame_transform` takes the cloud's points, in metres, into the frame; `transforms` are 4 x 4,
+    by rows, the frame in the segment's centre with x along the segment.
     """
     chain, line = result.chain, result.skeleton
     model = multibody(result)

@@ -3,6 +3,10 @@
 Joints are hinges, not ball joints: a ball joint of MuJoCo has one stiffness for bending and twist, its spring is
 relaxed at the zero pose whatever the rest shape is, and it cannot be limited about another pose.
 
+The last segment may be very short. MuJoCo stops at accelerations beyond 1e10 rad/s^2, and when a stiff object is let go
+in a bent pose, a tip of a millimetre is faster than that. So the hinges of the last segment have an armature where it
+is needed to make it as inert as half of the segment before. Poses and forces at rest stay as they are.
+
 Keyframes are `scanned` and `straight`. Without one, MuJoCo starts in the zero pose of the settings.
 """
 
@@ -26,6 +30,9 @@ MOST_SEGMENTS = 496
 
 #: MuJoCo's default time step, seconds.
 _TIME_STEP = 0.002
+
+#: Length of the segment that the last one is at least as inert as, over that of the segment before.
+_LEAST_INERT = 0.5
 
 #: Longest step over the relaxation time of the joints; 2 is where oscillations begin to grow.
 _OF_DAMPING = 1.4
@@ -120,6 +127,8 @@ def _body(model: MultibodyModel, body: Body, joint: Joint | None) -> Iterator[st
             if joint.stiffness is not None:
                 more |= {"stiffness": joint.stiffness[k], "springref": joint.rest[k]}
             more["damping"] = joint.damping[k]
+            if joint is model.joints[-1] and (armature := _armature(model)[axis == "x"]) > 0.0:
+                more["armature"] = armature
             yield "      " + element("joint", name=name, type="hinge", axis=AXES[axis], **more)
     yield "      " + element(
         "inertial",
@@ -132,6 +141,18 @@ def _body(model: MultibodyModel, body: Body, joint: Joint | None) -> Iterator[st
     yield "      " + element(
         "geom", type="capsule", size=(body.radius,), fromto=(inset, 0.0, 0.0, body.length - inset, 0.0, 0.0)
     )
+
+
+def _armature(model: MultibodyModel) -> tuple[float, float]:
+    """What the last segment lacks in inertia about the axes across and along its joint, kg m^2."""
+    if model.joints[-1].stiffness is None:
+        return 0.0, 0.0
+    before, last = model.bodies[-2:]
+    mass, length = _LEAST_INERT * before.mass, _LEAST_INERT * before.length
+    # About the joint, which is at the segment's end: m (r^2 + r_i^2) / 4 + m l^2 / 3.
+    across = 0.5 * _LEAST_INERT * before.axial_inertia + mass * length**2 / 3.0
+    own = 0.5 * last.axial_inertia + last.mass * last.length**2 / 3.0
+    return max(0.0, across - own), max(0.0, _LEAST_INERT * before.axial_inertia - last.axial_inertia)
 
 
 def _qpos(model: MultibodyModel, values: Array) -> str:

@@ -8,7 +8,6 @@ Lengths (`r`, `r_n`, `e_max`, `normals.radius`) are metres, always: `units` says
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cache
@@ -20,7 +19,7 @@ from dlogen.materials import PRESETS
 from dlogen.settings import AUTO, Auto, Keys, Problem, Setting, refuse, show, wrong_value
 
 #: What ROS and the model formats accept, without the names of the model's own links and joints.
-_FRAME_NAME = re.compile(r"(?!(segment|joint)_|(base_joint|tip|tip_joint)$)[A-Za-z_][\w./-]*", re.ASCII)
+_FRAME_NAME = r"(?!(segment|joint)_|(base_joint|tip|tip_joint)$)[A-Za-z_][A-Za-z0-9_./-]*"
 
 
 def _holds(*args: Any, **kwargs: Any) -> dict[str, Setting]:
@@ -420,10 +419,12 @@ class FrameSettings(_Section):
         default=AUTO,
         metadata=_holds(
             "text",
-            "Name of the frame, in the chain and of the root link of the models.",
+            "Name of the frame and of the models' root link: a letter first, then letters, digits and _ . / -, and none "
+            "of the models' own names (segment_, joint_, tip).",
             auto="cloud in the chain, base_link in the models",
             least=1,
             most=100,
+            pattern=_FRAME_NAME,
             sought=("frame_id", "root_link", "base_link", "root_name"),
         ),
     )
@@ -697,14 +698,6 @@ def _contradictions(values: Values, places: Mapping[str, str]) -> list[Problem]:
             )
         )
     problems += _material_contradictions(given, said)
-    if "frame.name" in given and not _FRAME_NAME.fullmatch(given["frame.name"]):
-        problems.append(
-            Problem(
-                "",
-                f"{said('frame.name')} cannot be the name of a frame",
-                "a letter, then letters, digits and _ . / -, and none of the model's own names (segment_, joint_, tip)",
-            )
-        )
     problems += _segmentation_contradictions(given, said)
     # Nobody has a cable a metre thick: the number was meant in the cloud's units.
     factor = {"mm": 1e-3, "cm": 1e-2}.get(given.get("units", ""))

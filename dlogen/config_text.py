@@ -99,7 +99,11 @@ def _allowed(setting: Setting) -> dict[str, Any]:
     if setting.kind == "choice":
         return {"enum": list(setting.choices)}
     names = (
-        {"minLength": setting.least, "maxLength": setting.most}
+        {
+            "minLength": setting.least,
+            "maxLength": setting.most,
+            "pattern": f"^{setting.pattern}$" if setting.pattern else None,
+        }
         if setting.kind == "text"
         else {"exclusiveMinimum": setting.above, "minimum": setting.least, "maximum": setting.most}
     )

@@ -30,6 +30,7 @@ class Setting:
         auto: what "auto" does; None where "auto" is not allowed.
         above: numbers must be greater than this.
         least, most: smallest and largest number allowed, or number of characters of a text.
+        pattern: regular expression that a whole text has to match; its help says what that means.
         choices: the words that a "choice" can be.
         also: other spellings of the key that are accepted.
         sought: names under which people look for it; they are not accepted, but lead to a hint.
@@ -42,6 +43,7 @@ class Setting:
     above: float | None = None
     least: float | None = None
     most: float | None = None
+    pattern: str = ""
     choices: tuple[str, ...] = ()
     also: tuple[str, ...] = ()
     sought: tuple[str, ...] = ()
@@ -100,6 +102,8 @@ class Setting:
         if not isinstance(value, str):
             raise ValueError("put it in quotes")
         if not (self.least or 0) <= len(value) <= (self.most or math.inf) or not value.isprintable():
+            raise ValueError("")
+        if self.pattern and not re.fullmatch(self.pattern, value):
             raise ValueError("")
         return value
 

@@ -103,6 +103,7 @@ def test_file_with_everything(write):
         "joints: {dof: 3, base: floating, zero: straight, rest: scan, min_bend_radius: 0.1}\n"
         "material:\n  preset: rope\n  name: hose\n  density: 199\n  inner_radius: 0.01\n  youngs_modulus: 2e6\n"
         "  poissons_ratio: 0.4\n  damping_ratio: 0.1\nreport: {timings: false}\n"
+        "frame: {name: camera_link, convention: optical-to-ros, z: 1, yaw: -0.5}\n"
     )
     assert load_config(path).to_dict() == {
         "profile": "paper",
@@ -141,6 +142,17 @@ def test_file_with_everything(write):
             "shear_modulus": "auto",
             "poissons_ratio": 0.4,
             "damping_ratio": 0.1,
+        },
+        "frame": {
+            "name": "camera_link",
+            "use_viewpoint": False,
+            "convention": "optical-to-ros",
+            "x": 0.0,
+            "y": 0.0,
+            "z": 1.0,
+            "roll": 0.0,
+            "pitch": 0.0,
+            "yaw": -0.5,
         },
         "report": {"timings": False, "alternatives": False},
     }
@@ -550,6 +562,8 @@ def _values(setting) -> st.SearchStrategy:
         return st.booleans()
     if setting.kind == "choice":
         return st.sampled_from(setting.choices)
+    if setting.pattern:
+        return st.from_regex(setting.pattern, fullmatch=True).filter(lambda text: len(text) <= setting.most)
     if setting.kind == "text":
         return st.text(min_size=1, max_size=100).filter(str.isprintable)
     low, high = setting.least or 0, setting.most if setting.most is not None else 1e300

@@ -48,8 +48,10 @@ def test_the_same_input_gives_the_same_bytes(cloud: Path, tmp_path: Path, profil
     for folder in ("a", "b"):
         arguments = ["--profile", profile, "--set", "report.timings=false", "--format", "all"]
         assert run(cloud, "-o", tmp_path / folder, *arguments).exit_code == 0
-    for path in (tmp_path / "a").iterdir():
-        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes(), path.name
+    made = [path for path in (tmp_path / "a").rglob("*") if path.is_file()]
+    assert len(made) > 10
+    for path in made:
+        assert path.read_bytes() == (tmp_path / "b" / path.relative_to(tmp_path / "a")).read_bytes(), path.name
 
 
 def test_json_on_stdout_is_the_report(cloud: Path, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from dlogen.formats.urdf import roll_pitch_yaw, write
 from dlogen.model import Result
+from dlogen.multibody import multibody
 from dlogen.stages.chain import build_chain
 from dlogen.stages.joints import place_joints
 from dlogen.synthetic import centre_line, hose_centre_line, random_centre_line
@@ -276,6 +277,50 @@ def test_numbers_keep_all_their_digits(exact_line, make_result) -> None:
     assert [float(number) for number in base.split()] == result.chain.joints[0].tolist()
     assert "nan" not in text(result)
     assert not re.search(r'[" ]-0\.0[" ]', text(result))
+
+
+def with_settings(result: Result, **changes: dict[str, object]) -> Result:
+    from dataclasses import replace
+
+    return replace(result, settings={**result.settings, **changes})
+
+
+@pytest.mark.parametrize("zero", ["scan", "straight"])
+@pytest.mark.parametrize("dof", [2, 3])
+def test_hinges_say_what_the_model_says(exact_line, make_result, zero: str, dof: int) -> None:
+    result = with_settings(
+        make_result(exact_line(hose_centre_line()), 0.02, 0.01),
+        joints={"dof": dof, "zero": zero, "rest": "scan", "min_bend_radius": 0.1},
+        material={"preset": "vacuum-hose"},
+    )
+    urdf = ElementTree.fromstring(text(result))
+    springs = {item.get("reference"): item for item in urdf.findall("gazebo")}
+    for joint in multibody(result).joints:
+        for k, name in enumerate(joint.hinge_names):
+            found = urdf.find(f"joint[@name='{name}']")
+            limit = found.find("limit")
+            assert (float(limit.get("lower")), float(limit.get("upper"))) == (joint.lower[k], joint.upper[k])
+            assert float(found.find("dynamics").get("damping")) == joint.damping[k]
+            assert float(springs[name].findtext("springStiffness")) == joint.stiffness[k]
+            assert float(springs[name].findtext("springReference")) == joint.rest[k]
+            axis = [float(number) for number in found.find("axis").get("xyz").split()]
+            assert axis == ([0, 1, 0], [0, 0, 1], [1, 0, 0])[k]
+
+
+def test_no_springs_without_a_modulus(exact_line, make_result) -> None:
+    urdf = ElementTree.fromstring(text(make_result(exact_line(hose_centre_line()), 0.02, 0.01)))
+    assert not urdf.findall("gazebo")
+
+
+@pytest.mark.parametrize(("base", "kind"), [("fixed", "fixed"), ("floating", "floating")])
+def test_base_joint(straight, make_result, base: str, kind: str) -> None:
+    urdf = ElementTree.fromstring(
+        text(with_settings(make_result(straight([0, 0, 0], [1, 0, 0])), joints={"base": base}))
+    )
+    joint = urdf.find("joint[@name='base_joint']")
+    assert joint.get("type") == kind
+    assert joint.find("parent").get("link") == "base_link"
+    assert list(urdf.find("link[@name='base_link']")) == []  # KDL wants a root without inertia
 
 
 def matrix(roll: float, pitch: float, yaw: float) -> np.ndarray:

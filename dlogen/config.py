@@ -205,23 +205,6 @@ class Segmentation(_Section):
 
 
 @dataclass(frozen=True)
-class Refine(_Section):
-    """The fit of the tube to all points (profile refined)."""
-
-    iterations: int | Auto = field(
-        default=AUTO,
-        metadata=_holds(
-            "integer",
-            "Gauss-Newton steps.",
-            auto="until nothing changes any more",
-            least=1,
-            most=100,
-            sought=("max_iterations", "steps"),
-        ),
-    )
-
-
-@dataclass(frozen=True)
 class MdtwSettings(_Section):
     """The error between skeleton line and chain (paper IV.A)."""
 
@@ -565,7 +548,6 @@ class Config(_Section):
     sorting: Sorting = field(default_factory=Sorting)
     skeleton: SkeletonLine = field(default_factory=SkeletonLine)
     segmentation: Segmentation = field(default_factory=Segmentation)
-    refine: Refine = field(default_factory=Refine)
     mdtw: MdtwSettings = field(default_factory=MdtwSettings)
     joints: JointSettings = field(default_factory=JointSettings)
     material: Material = field(default_factory=Material)

@@ -53,7 +53,7 @@ def test_defaults():
     assert [config.r, config.r_n, config.N, config.beta, config.e_max] == [AUTO] * 5
     assert config.normals == Normals(AUTO, AUTO, AUTO)
     assert config.projection.enabled is True
-    assert config.sorting.start == config.skeleton.tau == config.refine.iterations == AUTO
+    assert config.sorting.start == config.skeleton.tau == AUTO
     assert config.segmentation == Segmentation(AUTO, "on-curve", AUTO, AUTO, AUTO, AUTO, 0.5)
     assert config.mdtw.samples == 1000
     assert config.joints == JointSettings(2, "fixed", "scan", "straight", AUTO)
@@ -99,7 +99,8 @@ def test_file_with_everything(write):
     path = write(
         "profile: paper\nunits: mm\nr: 0.02\nr_n: 0.16\nN: 21\nbeta: 1e-2\ne_max: 1.0e-2\nseed: 7\n"
         "normals: {neighbours: 12, orientation: outward}\nprojection:\n  enabled: false\nsorting: {start: 4}\n"
-        "skeleton: {tau: 5.25}\nsegmentation: {criterion: fewest, placement: minimax, min_last: 0}\nrefine: {iterations: 5}\nmdtw: {samples: 500}\n"
+        "skeleton: {tau: 5.25}\nsegmentation: {criterion: fewest, placement: minimax, min_last: 0}\n"
+        "mdtw: {samples: 500}\n"
         "joints: {dof: 3, base: floating, zero: straight, rest: scan, min_bend_radius: 0.1}\n"
         "material:\n  preset: rope\n  name: hose\n  density: 199\n  inner_radius: 0.01\n  youngs_modulus: 2e6\n"
         "  poissons_ratio: 0.4\n  damping_ratio: 0.1\nreport: {timings: false}\n"
@@ -127,7 +128,6 @@ def test_file_with_everything(write):
             "min_bend_radius": "auto",
             "min_last": 0.0,
         },
-        "refine": {"iterations": 5},
         "mdtw": {"samples": 500},
         "joints": {"dof": 3, "base": "floating", "zero": "straight", "rest": "scan", "min_bend_radius": 0.1},
         "material": {
@@ -329,7 +329,6 @@ def test_dotted_keys_belong_to_overrides(write):
             "segmentation.criterion = 'mine': expected one of auto, paper, fewest",
             "Eq. 17",
         ),
-        ("refine: {iterations: 0}", "refine.iterations = 0: expected", "Gauss-Newton"),
         ("mdtw: {samples: 1}", "mdtw.samples = 1: expected a whole number >= 2 and <= 20000", "sampled"),
         ("mdtw: {samples: 20001}", "mdtw.samples = 20001: expected", "sampled"),
         ("material: {density: 0}", "material.density = 0: expected a number > 0 (kg/m^3)", "Mass per volume"),

@@ -204,6 +204,11 @@ def build_model(
     half of each adjoining segment, and of the first and the last segment all, as they have no other joint. So the
     lengths add up to that of the object, and under a constant moment both turn by the same angle.
 
+    The sag of a cantilever then falls short by about 4.5 / n^2 for small loads, since the joint that stands for the
+    first 1.5 l is at l: 1.2 % with 20 segments, 2.5 % for soft ones that hang down (against the elastica). With l alone
+    it would be 2 / n, the half segment at the clamp that bends most left out. The zero pose matters to the same order:
+    straightened from a scan that is bent by an angle b at a joint, its first hinge is stiffer by 1 / cos^2(b).
+
     A minimum bending radius R allows asin(l_i / 2R) + asin(l_(i+1) / 2R) between two segments: the angle between two
     chords of a circle.
 

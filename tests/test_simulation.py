@@ -60,9 +60,9 @@ def make(make_result, straight) -> Make:
 
     @functools.cache
     def compiled(
-        preset: str | None, shape: str, count: int, last: float = 1.0, **joints: object
+        preset: str | None, shape: str, count: int, last: float = 1.0, length: float = 1.0, **joints: object
     ) -> tuple[MultibodyModel, mujoco.MjModel]:
-        points = SHAPES[shape](count) if last == 1.0 else SHAPES[shape](count, last)
+        points = length * (SHAPES[shape](count) if last == 1.0 else SHAPES[shape](count, last))
         lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
         placed = Joints(np.linspace(0, 1, count + 1), points, float(lengths[0]), float(lengths[-1]))
         radius = RADIUS.get(preset or "", 0.01)
@@ -120,6 +120,17 @@ class TestTenSeconds:
         opt, default = make(STIFF, "straight", 20, zero="scan")[1].opt, mujoco.MjSpec().compile().opt
         for name in ("integrator", "solver", "iterations", "tolerance", "timestep", "disableflags"):
             assert getattr(opt, name) == getattr(default, name)
+
+    @pytest.mark.parametrize("dof", [2, 3])
+    @pytest.mark.parametrize("preset", ["vacuum-hose", STIFF])
+    def test_shorter_steps_where_2_ms_are_too_long(self, make: Make, preset: str, dof: int) -> None:
+        """Of a short piece the vibrations are faster, and the time step is in the file."""
+        _, model = make(preset, "arc", 10, length=0.1, dof=dof)
+        assert 1e-5 < model.opt.timestep < 0.002
+        data = started(model)
+        energy = [data.energy.sum(), *(data.energy.sum() for _ in steps(model, data, 0.1))]
+        assert warned(data) == 0
+        assert np.diff(energy).max() < 1e-9 * energy[0]
 
     @pytest.mark.parametrize("dof", [2, 3])
     @pytest.mark.parametrize(("count", "last"), [(20, 0.02), (40, 0.001), (5, 0.05)])
@@ -197,7 +208,7 @@ class TestSag:
     def test_reference(self) -> None:
         """Small loads sag by w L^4 / (8 E I), and what has hardly any stiffness hangs down."""
         assert elastica(1.0, 1e-3, 1.0) == pytest.approx((1.0, -1e-3 / 8), rel=1e-6)
-        assert elastica(1e-4, 1.0, 1.0)[1] == pytest.approx(-1.0, abs=0.06)
+        assert -1.0 < elastica(1e-3, 1.0, 1.0)[1] < -0.9
 
     @pytest.mark.parametrize("preset", PRESETS)
     def test_elastica(self, make: Make, preset: str) -> None:
@@ -276,7 +287,8 @@ class TestFreeFall:
         places, turns = data.xpos[1:].copy(), data.xquat.copy()
         way = self.fallen(model, data, 1.0)
         # Semi-implicit Euler is half a step ahead of g t^2 / 2.
-        assert way == pytest.approx([0.0, 0.0, -0.5 * 9.81 * (1.0 + model.opt.timestep)], abs=1e-6)
+        time, step = data.time, model.opt.timestep
+        assert way == pytest.approx([0.0, 0.0, -0.5 * 9.81 * time * (time + step)], abs=1e-6)
         assert data.xpos[1:] - places == pytest.approx(np.tile(way, (20, 1)), abs=1e-6)
         assert data.xquat == pytest.approx(turns, abs=1e-6)
 

@@ -402,8 +402,8 @@ class FrameSettings(_Section):
         default=AUTO,
         metadata=_holds(
             "text",
-            "Name of the frame and of the models' root link: a letter first, then letters, digits and _ . / -, and none "
-            "of the models' own names (segment_, joint_, tip).",
+            "Name of the frame and of the models' root link: a letter first, then letters, digits and _ . / -, and "
+            "none of the models' own names (segment_, joint_, tip).",
             auto="cloud in the chain, base_link in the models",
             least=1,
             most=100,

@@ -62,6 +62,18 @@ class TubeCurve:
         windows = np.stack([c[:, q : q + n] for q in range(4)])
         return np.tensordot(_MONOMIALS, windows, axes=1)
 
+    @cached_property
+    def arc_table(self) -> tuple[Array, Array, Array]:
+        """See the function of this name."""
+        places = np.arange(2 * _CELLS) / (2 * _CELLS)
+        first = self.everywhere(places, 1)
+        last = self(np.array([self.intervals]), 1).T
+        speed = np.sqrt(np.append(dot(first, first), dot(last, last))) * self.step
+        ends = speed[::2]
+        cells = (ends[:-1] + 4.0 * speed[1::2] + ends[1:]) / (6.0 * _CELLS)
+        grid = np.arange(len(ends)) / _CELLS
+        return grid, np.concatenate([[0.0], np.cumsum(cells)]), ends
+
     def __call__(self, x: npt.ArrayLike, derivative: int = 0) -> Array:
         """f or its derivative with respect to arc length (that is, x times `step`): (K,) -> (K, 3)."""
         x = np.asarray(x, dtype=float)
@@ -151,14 +163,7 @@ def arc_table(curve: TubeCurve) -> tuple[Array, Array, Array]:
     Returns:
         x (4 n + 1,), the arc length from x = 0 there, metres, and the speed |df/dx| there, metres.
     """
-    places = np.arange(2 * _CELLS) / (2 * _CELLS)
-    first = curve.everywhere(places, 1)
-    last = curve(np.array([curve.intervals]), 1).T
-    speed = np.sqrt(np.append(dot(first, first), dot(last, last))) * curve.step
-    ends = speed[::2]
-    cells = (ends[:-1] + 4.0 * speed[1::2] + ends[1:]) / (6.0 * _CELLS)
-    grid = np.arange(len(ends)) / _CELLS
-    return grid, np.concatenate([[0.0], np.cumsum(cells)]), ends
+    return curve.arc_table
 
 
 def arc_at(length: Array, x: Array) -> Array:

@@ -12,7 +12,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
@@ -639,6 +639,7 @@ def test_what_loads_is_valid_by_the_schema(data):
     Draft202012Validator(json_schema()).validate(Config.from_dict(data).to_dict())
 
 
+@settings(deadline=None)
 @given(st.dictionaries(_NAMES | st.text(), _ANYTHING | st.dictionaries(_NAMES | st.text(), _ANYTHING, max_size=3)))
 def test_any_mapping_loads_or_is_refused_in_words(data):
     try:

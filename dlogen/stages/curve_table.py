@@ -39,6 +39,8 @@ class CurveTable:
         cells: how many; as many as the accuracy needs (1e-9 of the length).
         step: arc length of a cell, metres.
         s: (cells + 1,) the line's own coordinate at the cells' ends.
+        points: (3, cells + 1) the line there, metres.
+        bend: the line's largest curvature, with a margin of 1 %, 1/m.
     """
 
     def __init__(self, line: Skeleton) -> None:
@@ -64,6 +66,9 @@ class CurveTable:
         cubics = (self.points[:, :-1], first, 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise)
         # (12, cells): the constant terms of x, y, z, the linear ones, ...
         self._cubics = np.concatenate(cubics)
+        second = 2.0 * np.stack([cubics[2], cubics[2] + 3.0 * cubics[3]])
+        largest = float(np.sqrt((second**2).sum(axis=1).max()))
+        self.bend = 1.01 * largest / max(self.step, 1e-300) ** 2
 
     def __call__(self, u: Array) -> Array:
         """Points: (...,) -> (3, ...), metres."""
@@ -180,8 +185,9 @@ def _first_crossing(table: CurveTable, start: Array, guess: Array, centre: Array
 def _march(table: CurveTable, start: Array, centre: Array, radius: Array) -> tuple[Array, Array]:
     """The same for any line.
 
-    The distance to the centre changes by no more than the arc length passed: from a place that is d short of the
-    sphere, the line can be followed for d without leaving it (sphere tracing; Hart 1996). Newton steps finish it.
+    The distance d to the centre changes by no more than the arc length passed, and its slope by no more than
+    kappa + 1 / d per arc length: the line can be followed for as long as it cannot have left the sphere by either bound
+    (sphere tracing; Hart 1996). Newton steps finish it.
     """
     end = float(table.cells)
     result, place = np.full(len(start), end), np.repeat(table.points[:, -1:], len(start), axis=1)
@@ -209,7 +215,11 @@ def _march(table: CurveTable, start: Array, centre: Array, radius: Array) -> tup
         newton = u + gap / np.where(np.abs(slope) > 1e-3, slope, 1e-3)
         # Before the sphere has been crossed, only where the distance is sure to grow all the way.
         near = (slope > 0.5) & (gap * table.step < 0.05 * radius)
-        forward = np.where(near, newton, low + np.maximum(gap, _LEAST_STEP))
+        # Within half the distance to the centre, 1 / d doubles at most.
+        most = table.bend + 2.0 / np.maximum(distance, 1e-300)
+        safe = (np.sqrt(slope**2 + 2.0 * most * np.maximum(gap, 0.0) * table.step) - slope) / most / table.step
+        safe = np.maximum(np.minimum(safe, 0.5 * distance / table.step), np.maximum(gap, _LEAST_STEP))
+        forward = np.where(near, newton, low + safe)
         with np.errstate(invalid="ignore"):
             bracketed = np.where((newton > low) & (newton < high), newton, 0.5 * (low + high))
         u = np.minimum(np.where(np.isinf(high), forward, bracketed), end)

@@ -23,8 +23,8 @@ _PER_SEGMENT, _LEAST, _MOST = 8, 64, 512
 _MOST_CHAINS = 50_000
 #: Segments that are worked on at a time: some 10 MB.
 _AT_ONCE = 16_384
-#: Places in each piece that are looked at before a chain is believed.
-_PLACES = 48
+#: Places in each piece that are looked at, shared out among the pieces, and before a chain is believed.
+_FEW_PLACES, _PLACES = 128, 48
 #: A last segment that is shorter than this share of the line is none: the line has come back to where the joint is.
 _NO_SEGMENT = 1e-6
 
@@ -36,9 +36,10 @@ class Chains:
     Attributes:
         lengths: (B,) metres.
         counts: (B,) segments.
-        deviation: (B,) measured, metres; infinite where the last segment has no length.
+        deviation: (B,) metres, measured at few places; infinite where the last segment has no length.
         share: (B,) length of the last segment as a share of the others.
         refuted: (B - 1,) whether every length between two neighbours is known to deviate by more than was asked.
+        u: (B, K + 1) places of the joints.
     """
 
     lengths: Array
@@ -46,6 +47,42 @@ class Chains:
     deviation: Array
     share: Array
     refuted: BoolArray
+    u: Array
+
+    def best_within(
+        self,
+        table: CurveTable,
+        e_max: float,
+        count: int | None = None,
+        length: float | None = None,
+        among: BoolArray | None = None,
+        order: Array | None = None,
+    ) -> int | None:
+        """The chain with the fewest and then the longest segments that is within e_max, looked at closely.
+
+        Args:
+            table: the line.
+            e_max: metres.
+            count, length: it must be better than that, if given.
+            among: (B,) which chains to look at.
+            order: (B,) the one with the smallest value of this is the best.
+        """
+        possible = self.deviation <= e_max
+        if among is not None:
+            possible &= among
+        if count is not None:
+            possible &= (self.counts < count) | ((self.counts == count) & (self.lengths > length))
+        rows = np.flatnonzero(possible)
+        keys = (-self.lengths, self.counts) if order is None else (order,)
+        for i in rows[np.lexsort([key[rows] for key in keys])]:
+            if self.measured(table, i) <= e_max:
+                return int(i)
+        return None
+
+    def measured(self, table: CurveTable, i: int) -> float:
+        """The deviation of a chain, measured at many places, metres."""
+        u = self.u[i, : self.counts[i] + 1]
+        return float(deviations(table, u, table(u), _PLACES).distance.max())
 
 
 @dataclass(frozen=True)
@@ -53,19 +90,21 @@ class Fewest:
     """What the search found.
 
     Attributes:
-        length: the longest segment length that gives the fewest segments, metres.
-        count: segments.
+        count: the fewest segments.
+        length: a segment length that gives them, metres.
+        fewer: of the chains with one segment less the one that deviates least: (length, deviation), metres.
         resolution: an interval of lengths narrower than this share of them may have escaped.
         chains: how many were laid.
     """
 
-    length: float
     count: int
+    length: float
+    fewer: tuple[float, float] | None
     resolution: float
     chains: int
 
 
-def fewest_segments(table: CurveTable, e_max: float, allowed: float, curvature: float) -> Fewest | None:
+def fewest_segments(table: CurveTable, e_max: float, allowed: float, min_last: float = 0.0) -> Fewest | None:
     """The fewest segments that stay within e_max of the line, and the longest length that gives them.
 
     Supposes that the joints move forward as the length grows. They do wherever a chord and the line at its ends point
@@ -75,110 +114,94 @@ def fewest_segments(table: CurveTable, e_max: float, allowed: float, curvature: 
         table: the line.
         e_max: largest deviation allowed, metres.
         allowed: the length from which to search upwards, that of Eq. 17, metres.
-        curvature: the line's largest, 1/m.
+        min_last: length of the last segment as a share of the others. Of the lengths that give the fewest segments the
+            longest with at least that is taken (to about 1 %), or the one with most. A stub is light and stiff, the
+            first thing in a simulation to become unstable.
 
     Returns:
         None if no length above `allowed` will do.
     """
-    reach = _reach(table)
-    # All lengths beyond the reach give one and the same segment.
-    single = lay_chains(table, np.array([reach * (1.0 + 1e-9)]), e_max, curvature)
-    if single.deviation[0] <= e_max:
-        return Fewest(float(single.lengths[0]), 1, 0.0, 1)
-    if allowed >= reach:
-        return None
+    reach = float(np.linalg.norm(table.points - table.points[:, :1], axis=0).max())
+    # Between its points the line can reach a little farther.
+    reach += (table.bend + 1.0 / reach) * table.step**2 / 8.0 + 1e-9 * reach
+    # All lengths beyond that give one and the same segment.
+    single = lay_chains(table, np.array([reach]), e_max)
+    if single.best_within(table, e_max) is not None:
+        return Fewest(1, float(single.lengths[0]), None, 0.0, 1)
 
-    best: tuple[int, float] | None = None
-    # Inverse lengths: the chains that differ by one segment are evenly spaced.
+    allowed = min(allowed, 0.5 * reach)
+    best = count = None
+    tried = [single]
+    # Inverse lengths: where the chain gets one segment more is evenly spaced.
     low, high = np.array([1.0 / reach]), np.array([1.0 / allowed])
     parts = int(np.clip(_PER_SEGMENT * table.line.length / allowed, _LEAST, _MOST))
     laid, resolution = 1, 0.0
     while len(low):
         grid = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, parts + 1)
-        chains = lay_chains(table, 1.0 / grid.ravel(), e_max, curvature)
+        chains = lay_chains(table, 1.0 / grid.ravel(), e_max)
+        tried.append(chains)
         laid += grid.size
-        for i in np.flatnonzero(chains.deviation <= e_max):
-            found = (int(chains.counts[i]), -float(chains.lengths[i]))
-            best = found if best is None else min(best, found)
+        i = chains.best_within(table, e_max, count, best)
+        if i is not None:
+            count, best = int(chains.counts[i]), float(chains.lengths[i])
         counts, lengths = chains.counts.reshape(grid.shape), chains.lengths.reshape(grid.shape)
-        refuted = np.append(chains.refuted, True).reshape(grid.shape)[:, :-1]
-        fewer = np.minimum(counts[:, :-1], counts[:, 1:])
-        keep = ~refuted
-        if best is not None:
-            longer = lengths[:, :-1] > -best[1] * (1.0 + RESOLUTION)
-            keep &= (fewer < best[0]) | ((fewer == best[0]) & longer)
+        keep = ~np.append(chains.refuted, True).reshape(grid.shape)[:, :-1]
+        if count is not None and best is not None:
+            fewer = np.minimum(counts[:, :-1], counts[:, 1:])
+            keep &= (fewer < count) | ((fewer == count) & (lengths[:, :-1] > best * (1.0 + RESOLUTION)))
         low, high = grid[:, :-1][keep], grid[:, 1:][keep]
         width = (high - low) / low
         if laid > _MOST_CHAINS:
             resolution = float(width.max(initial=0.0))
             break
         fine = width <= RESOLUTION
-        if fine.any():
-            resolution = RESOLUTION
+        resolution = RESOLUTION if fine.any() else resolution
         low, high = low[~fine], high[~fine]
         parts = int(np.clip(256 // max(len(low), 1), 4, 32))
-    return None if best is None else Fewest(-best[1], best[0], resolution, laid)
+    if count is None or best is None:
+        return None
+    length = _with_last(table, best, count, e_max, min_last)
+    return Fewest(count, length, _closest(table, tried, count - 1), resolution, laid)
 
 
-def even_length(table: CurveTable, found: Fewest, e_max: float, curvature: float, share: float) -> float:
-    """A length with as many segments, within e_max, whose last segment is not a stub.
-
-    A stub is light and stiff: the first thing in a simulation to become unstable.
-
-    Args:
-        table: the line.
-        found: the fewest segments.
-        e_max: metres.
-        curvature: the line's largest, 1/m.
-        share: of the others' length that the last segment should have at least.
-
-    Returns:
-        The longest such length, to about 1 %; if the last segment is shorter with all of them, the one where it is
-        longest.
-    """
-    if found.count == 1:
-        return found.length
-    chains = _around(table, found.length, 1.1, e_max, curvature)
-    within = (chains.deviation <= e_max) & (chains.counts == found.count)
-    lengths, shares = np.append(chains.lengths[within], found.length), np.append(chains.share[within], 0.0)
-    if len(lengths) == 1 or chains.share[-1] >= share:
-        return found.length
-    enough = shares >= share
-    return float(lengths[enough].max() if enough.any() else lengths[np.argmax(shares)])
+def _with_last(table: CurveTable, longest: float, count: int, e_max: float, min_last: float) -> float:
+    """The longest length with so many segments whose last one is long enough, or the one where it is longest."""
+    low = 1.0 / longest
+    grid = np.linspace(low, low + 1.1 / table.line.length, 64)
+    if float(lay_chains(table, np.array([longest]), e_max).share[0]) >= min_last:
+        return longest
+    chains = lay_chains(table, 1.0 / grid, e_max)
+    of_count = chains.counts == count
+    enough = chains.best_within(table, e_max, among=of_count & (chains.share >= min_last))
+    if enough is not None:
+        return float(chains.lengths[enough])
+    evenest = chains.best_within(table, e_max, among=of_count, order=-chains.share)
+    return longest if evenest is None else float(chains.lengths[evenest])
 
 
-def closest_with(table: CurveTable, count: int, curvature: float) -> tuple[float, float] | None:
-    """The chain of so many segments that deviates least: (length, deviation), metres; None if there is none."""
-    if count == 1:
-        chains = lay_chains(table, np.array([_reach(table) * (1.0 + 1e-9)]), np.inf, curvature)
-        return float(chains.lengths[0]), float(chains.deviation[0])
-    first = table.line.length / (count - 1.1)
-    chains = lay_chains(table, 1.0 / np.linspace(1.0 / first, 1.1 * count / table.line.length, 96), np.inf, curvature)
-    for _ in range(2):
-        fits = np.flatnonzero(chains.counts == count)
-        if len(fits) == 0:
-            return None
-        best = int(fits[np.argmin(chains.deviation[fits])])
-        low, high = chains.lengths[max(best - 1, 0)], chains.lengths[min(best + 1, len(chains.lengths) - 1)]
-        length, deviation = float(chains.lengths[best]), float(chains.deviation[best])
-        chains = lay_chains(table, np.append(np.linspace(low, high, 16), length), np.inf, curvature)
-    return length, deviation
-
-
-def _around(table: CurveTable, length: float, beyond: float, e_max: float, curvature: float) -> Chains:
-    """Chains with segments of this length, the last of them, and of lengths down to where there are more."""
-    low = 1.0 / length
-    grid = np.linspace(low + beyond / table.line.length, low, 64)
-    return lay_chains(table, 1.0 / grid, e_max, curvature)
+def _closest(table: CurveTable, tried: list[Chains], count: int) -> tuple[float, float] | None:
+    """Of the chains with so many segments the one that deviates least: (length, deviation), metres."""
+    lengths, counts, deviation = (
+        np.concatenate([getattr(chains, name) for chains in tried]) for name in ("lengths", "counts", "deviation")
+    )
+    of_count = (counts == count) & np.isfinite(deviation)
+    if not of_count.any():
+        return None
+    lengths, deviation = lengths[of_count], deviation[of_count]
+    ascending = np.argsort(lengths)
+    best = int(np.argmin(deviation[ascending]))
+    around = lengths[ascending[max(best - 1, 0)]], lengths[ascending[min(best + 1, len(lengths) - 1)]]
+    chains = lay_chains(table, np.append(np.linspace(*around, 16), lengths[ascending[best]]), np.inf)
+    i = int(np.argmin(np.where(chains.counts == count, chains.deviation, np.inf)))
+    return float(chains.lengths[i]), chains.measured(table, i)
 
 
 def equal_lengths(table: CurveTable, count: int) -> Array:
     """Lengths at which the line is cut into exactly so many segments, the last as long as the others.
 
-    There is one, unless the joints jump as the length grows: (K,) metres, to about 1e-12, mostly K = 1.
+    There is one, unless the joints jump as the length grows: (K,) metres, to about 1e-12, mostly K = 1. `count` is 2 or
+    more.
     """
-    if count == 1:
-        return np.linalg.norm(table.points[:, -1:] - table.points[:, :1], axis=0)
     longest = table.line.length / count
     low, high = 0.5 * longest, longest * (1.0 + 1e-9)
     while trace(table, np.array([low])).counts[0] <= count:
@@ -197,14 +220,13 @@ def equal_lengths(table: CurveTable, count: int) -> Array:
     return np.array(found)
 
 
-def lay_chains(table: CurveTable, lengths: Array, e_max: float, curvature: float) -> Chains:
+def lay_chains(table: CurveTable, lengths: Array, e_max: float) -> Chains:
     """Chains of these segment lengths with their deviations, and which intervals between neighbours are out of reach.
 
     Args:
         table: the line.
         lengths: (B,) metres, in order.
         e_max: the deviation to compare with, metres.
-        curvature: the line's largest, 1/m.
     """
     chains = trace(table, lengths)
     size = len(lengths)
@@ -216,20 +238,18 @@ def lay_chains(table: CurveTable, lengths: Array, e_max: float, curvature: float
         part = slice(begin, begin + rows)
         u, n = chains.u[part], chains.counts[part]
         joints, tangents = table.with_tangent(u)
-        far = deviations(table, u, joints)
+        # Long pieces can have several peaks.
+        far = deviations(table, u, joints, int(np.clip(_FEW_PLACES // n.max(), 7, _PLACES)))
         deviation[part] = far.distance.max(axis=1)
         row = np.arange(len(u))
         last = np.linalg.norm(joints[:, row, n] - joints[:, row, n - 1], axis=0)
         share[part] = last / np.where(n > 1, lengths[part], np.maximum(last, 1e-300))
-        within = deviation[part] <= e_max
-        if within.any():
-            deviation[part][within] = deviations(table, u[within], joints[:, within], _PLACES).distance.max(axis=1)
         deviation[part][last < _NO_SEGMENT * table.line.length] = np.inf
         if len(u) > 1:
             refuted[begin : begin + len(u) - 1] = _refuted(
-                table.step * u, joints, tangents, far, table.step * far.u, e_max, curvature
+                table.step * u, joints, tangents, far, table.step * far.u, e_max, table.bend
             )
-    return Chains(lengths, chains.counts, deviation, share, refuted)
+    return Chains(lengths, chains.counts, deviation, share, refuted, chains.u)
 
 
 def _refuted(
@@ -295,8 +315,3 @@ def _refuted(
         inside = (places[own] >= latest) & (places[own] <= earliest)
         result |= (inside & (height - rise > e_max)).any(axis=1)
     return result
-
-
-def _reach(table: CurveTable) -> float:
-    """The largest distance of the line to its start."""
-    return float(np.linalg.norm(table.points - table.points[:, :1], axis=0).max())

@@ -145,7 +145,9 @@ class _Chain:
             s[0], s[-1] = 0.0, 1.0
             sizes = np.linalg.norm(np.diff(self.x, axis=1), axis=0)
             length = float(sizes[0])
-            joints = Joints(s, np.ascontiguousarray(self.x.T), length, float(sizes[-1]))
+            positions = np.ascontiguousarray(self.x.T)
+            positions[[0, -1]] = self.table.line([0.0, 1.0])
+            joints = Joints(s, positions, length, float(sizes[-1]))
         self.x, self.u, self.length = keep
         return joints, deviation if even else np.inf
 

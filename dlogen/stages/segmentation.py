@@ -22,14 +22,12 @@ from dlogen.model import FewerSegments, Joints, Segmentation, Skeleton
 from dlogen.stages.chain import deviation
 from dlogen.stages.curvature import max_curvature, max_segment_length
 from dlogen.stages.curve_table import CurveTable, trace
-from dlogen.stages.fewest import closest_with, equal_lengths, even_length, fewest_segments
+from dlogen.stages.fewest import equal_lengths, fewest_segments
 from dlogen.stages.joints import TOLERANCE, place_joints
 from dlogen.stages.minimax import minimax_joints
 
 #: The deviation that the searches aim at, as a share of e_max; the rest is for their rounding.
 _AIM = 1.0 - 1e-7
-#: The curvature that bounds are worked out with, as a multiple of the largest one found.
-_CURVATURE_MARGIN = 1.001
 
 
 @dataclass(frozen=True)
@@ -76,11 +74,11 @@ def segment(line: Skeleton, e_max: float, wish: Wish) -> Segmentation:
     elif wish.segment_length is not None:
         chosen = _measured(line, "segment_length", "on-curve", place_joints(line, wish.segment_length))
     elif wish.bend_radius is not None:
-        joints = place_joints(line, max_segment_length(e_max, wish.bend_radius))
+        joints = place_joints(line, _eq_17(e_max, wish.bend_radius))
         chosen = _measured(line, "bend_radius", "on-curve", joints)
     elif wish.criterion == "paper":
-        bend = max_curvature(line)[0]
-        chosen = _measured(line, "paper", "on-curve", place_joints(line, _eq_17(e_max, bend)))
+        joints = place_joints(line, _eq_17(e_max, _smallest_radius(line)))
+        chosen = _measured(line, "paper", "on-curve", joints)
     if chosen is not None and not wish.alternatives:
         return chosen
 
@@ -99,42 +97,39 @@ def _measured(
     return Segmentation(criterion, placement, joints, distance, s, fewer)
 
 
-def _eq_17(e_max: float, bend: float) -> float:
-    return max_segment_length(e_max, 1.0 / bend if bend > 0.0 else math.inf)
+def _eq_17(e_max: float, radius: float) -> float:
+    # A chord as long as the diameter only touches the far side of its circle, which rounding can miss.
+    return min(max_segment_length(e_max, radius), 2.0 * radius * (1.0 - 1e-6))
+
+
+def _smallest_radius(line: Skeleton) -> float:
+    bend = max_curvature(line)[0]
+    return 1.0 / bend if bend > 0.0 else math.inf
 
 
 def _search(line: Skeleton, e_max: float, min_last: float, *, minimax: bool) -> list[Segmentation]:
     """By Eq. 17; with the fewest segments, joints on the line; and, if wanted, with the fewest, joints off the line."""
-    bend = max_curvature(line)[0]
-    allowed, bound, aim = _eq_17(e_max, bend), bend * _CURVATURE_MARGIN, e_max * _AIM
+    allowed, aim = _eq_17(e_max, _smallest_radius(line)), e_max * _AIM
     table = CurveTable(line)
     found = []
+    fewest = fewest_segments(table, aim, allowed, min_last)
     try:
-        paper = _measured(line, "paper", "on-curve", _on_curve(table, allowed))
-        found.append(paper)
+        found.append(_measured(line, "paper", "on-curve", _on_curve(table, allowed)))
     except FitError:
-        # More segments than anybody wants, or none of any length on a closed line.
-        if line.length > 10.0 * allowed:
+        # Eq. 17 has no segments for a closed line that is tightly bent; there may be too many as well.
+        if fewest is None:
             raise
-        paper = None
-
-    longest = fewest_segments(table, aim, allowed, bound)
-    if longest is None or (paper is not None and longest.count > len(paper.joints.s) - 1):
-        if paper is None:
-            raise FitError("no segment length keeps the chain within e_max of the line", "raise e_max")
-        on_curve = replace(paper, criterion="fewest")
+    if fewest is None or (found and fewest.count > found[0].count):
+        on_curve = replace(found[0], criterion="fewest")
     else:
-        length = even_length(table, longest, aim, bound, min_last)
-        on_curve = _measured(line, "fewest", "on-curve", _on_curve(table, length))
-    count = len(on_curve.joints.s) - 1
-    closest = closest_with(table, count - 1, bound) if count > 1 else None
-    if closest is not None:
-        resolution = longest.resolution if longest is not None else 0.0
-        on_curve = replace(on_curve, fewer=FewerSegments(count - 1, closest[1], closest[0], resolution))
+        on_curve = _measured(line, "fewest", "on-curve", _on_curve(table, fewest.length))
+        if fewest.fewer is not None:
+            length, distance = fewest.fewer
+            on_curve = replace(on_curve, fewer=FewerSegments(fewest.count - 1, distance, length, fewest.resolution))
     found.append(on_curve)
 
     if minimax:
-        off = minimax_joints(table, aim, count)
+        off = minimax_joints(table, aim, on_curve.count)
         joints = off.joints or on_curve.joints
         n = len(joints.s) - 1
         fewer = FewerSegments(n - 1, off.tried[n - 1], None, None) if n - 1 in off.tried else None
@@ -184,12 +179,16 @@ def _polished(line: Skeleton, s: np.ndarray, length: float) -> Joints:
 
 def _equal_segments(line: Skeleton, count: int) -> Joints:
     """Exactly so many equal segments, the last one as well."""
-    table = CurveTable(line)
     candidates = []
-    for length in equal_lengths(table, count):
-        joints = _closed_up(table, float(length), count)
-        if joints is not None:
-            candidates.append((deviation(line, joints)[0], joints))
+    if count == 1:
+        single = _polished(line, np.array([0.0, 1.0]), math.inf)
+        candidates = [(0.0, single)] if single.last_segment_length > TOLERANCE else []
+    else:
+        table = CurveTable(line)
+        for length in equal_lengths(table, count):
+            joints = _closed_up(table, float(length), count)
+            if joints is not None:
+                candidates.append((deviation(line, joints)[0], joints))
     if not candidates:
         raise FitError(
             f"no length cuts this line into exactly {count} equal segments: it turns too sharply for them",
@@ -208,7 +207,7 @@ def _closed_up(table: CurveTable, length: float, count: int) -> Joints | None:
     for _ in range(20):
         joints = _polished(table.line, s, length)
         rest = joints.last_segment_length - length
-        if abs(rest) < 1e-3 * TOLERANCE or count == 1:
+        if abs(rest) < 1e-3 * TOLERANCE:
             return joints
         # With every segment longer by d, the last one is shorter by about n d.
         length += rest / count

@@ -10,6 +10,9 @@ from dlogen.stages.chain import minimal_rotation_frames
 #: Sectors of the circumference, and radii of length that are looked at.
 _SECTORS, _REACH = 8, 4.0
 
+#: Points that a sector needs on average: with fewer, the gaps behind the last points make tilts by chance.
+_FEWEST = 15
+
 #: Tilt of a cut against the cross-section (tangent of the angle) that is reported, and how many standard deviations of
 #: the tilt it has to be (many: the gap behind the last of random points is exponential, with a long tail).
 _TILT, _SURE = 0.6, 7.0
@@ -34,7 +37,7 @@ def cut_ends(points: Array, s: Array, on_tube: BoolArray, line: Skeleton, radius
         tip, tangent = line(end)[0], line(end, 1)[0]
         tangent = tangent / np.linalg.norm(tangent) * (1.0 if end == 1.0 else -1.0)
         near = on_tube & (np.abs(s - end) * line.length < _REACH * radius)
-        if np.count_nonzero(near) < 5 * _SECTORS:
+        if np.count_nonzero(near) < _FEWEST * _SECTORS:
             continue
         frame = minimal_rotation_frames(tangent[None])[0]
         clipped = np.abs(s[near] - end) * line.length

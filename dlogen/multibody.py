@@ -236,6 +236,7 @@ def build_model(
         np.linalg.norm(np.cross(tangents[:-1], tangents[1:]), axis=1),
         np.einsum("ij,ij->i", tangents[:-1], tangents[1:]),
     )
+    bend_limits = _bend_limits(joints.min_bend_radius, lengths, bends)
 
     made = []
     # Frame of the segment before the joint in the scanned pose. It differs from the chain's by a turn about the
@@ -250,7 +251,7 @@ def build_model(
             scanned = _values(frame.T @ rotations[i + 1], joints.dof)
             frame = frame @ hinges(axes, scanned)
         joint_name = f"joint_{i + 1:0{digits}d}"
-        bend_limit = _bend_limit(joints, lengths[i], lengths[i + 1], float(bends[i]), joint_name)
+        bend_limit = bend_limits[i]
         reach, middle = np.full(joints.dof, math.pi), np.zeros(joints.dof)
         if bend_limit is not None and bend_limit < 0.5 * math.pi:
             # Beyond, the hinge about y may turn by more than the bend.
@@ -314,18 +315,20 @@ def _stiffness_times_length(props: Properties, dof: int) -> Array | None:
     return np.array([bending, bending, torsion or 0.0][:dof])
 
 
-def _bend_limit(joints: JointSettings, before: float, after: float, bend: float, name: str) -> float | None:
-    radius = joints.min_bend_radius
-    if radius == AUTO:
-        return None
-    limit = sum(math.asin(min(1.0, length / (2.0 * radius))) for length in (before, after))
-    if bend > limit * (1.0 + 1e-9):
-        tightest = 0.5 * (before + after) / (2.0 * math.sin(0.5 * bend))
+def _bend_limits(radius: float | str, lengths: list[float], bends: Array) -> list[float | None]:
+    """Largest angle at each joint, by the chords of a circle of the smallest radius; None where that is not known."""
+    if isinstance(radius, str):
+        return [None] * len(bends)
+    half = np.arcsin(np.minimum(1.0, np.array(lengths) / (2.0 * radius)))
+    limits = half[:-1] + half[1:]
+    if np.any(bends > limits * (1.0 + 1e-9)):
+        radii = 0.25 * np.add(lengths[:-1], lengths[1:]) / np.sin(0.5 * np.maximum(bends, 1e-12))
+        worst = int(np.argmin(radii))
         raise ConfigError(
-            f"joints.min_bend_radius = {radius:g} m, but the scan is bent to {tightest:.4g} m at {name}",
-            f"set it to {0.95 * tightest:.2g} or less, or leave it at auto",
+            f"joints.min_bend_radius = {radius:g} m, but the scan is bent to {radii[worst]:.4g} m at joint {worst + 1}",
+            f"set it to {0.95 * radii[worst]:.2g} or less, or leave it at auto",
         )
-    return limit
+    return [float(limit) for limit in limits]
 
 
 def _body(name: str, length: float, props: Properties, half_before: float, half_after: float) -> Body:

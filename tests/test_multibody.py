@@ -173,7 +173,7 @@ class TestLimits:
                 assert joint.bend_limit == pytest.approx(bend)
                 assert joint.upper - joint.straight == pytest.approx([bend, bend])
                 assert joint.straight - joint.lower == pytest.approx([bend, bend])
-        with pytest.raises(ConfigError, match=r"min_bend_radius = 0.31 m, but the scan is bent to 0.3 m at joint_01"):
+        with pytest.raises(ConfigError, match=r"min_bend_radius = 0.31 m, but the scan is bent to 0.3 m at joint \d"):
             build_model(chain, JointSettings(min_bend_radius=0.31), Material())
 
     @given(st.integers(0, 100), st.sampled_from(["scan", "straight"]), st.sampled_from([2, 3]))

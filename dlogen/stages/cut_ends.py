@@ -15,7 +15,7 @@ _FEWEST = 15
 
 #: Tilt of a cut against the cross-section (tangent of the angle) that is reported, and how many standard deviations of
 #: the tilt it has to be (many: the gap behind the last of random points is exponential, with a long tail).
-_TILT, _SURE = 0.6, 7.0
+_TILT, _SURE = 0.6, 10.0
 
 
 def cut_ends(points: Array, s: Array, on_tube: BoolArray, line: Skeleton, radius: float) -> list[Finding]:

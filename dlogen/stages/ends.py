@@ -13,7 +13,7 @@ from dlogen.model import Array
 _WINDOW, _REACH = 150, 15.0
 
 #: The least share of points that belong to something else, such as a strand beside the end.
-_STRAY = 0.02
+_STRAY = 1e-4
 
 #: Places that are tried for an edge.
 _EDGES = 64

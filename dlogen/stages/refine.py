@@ -171,6 +171,12 @@ def _fine(points: Array, tube: Tube, fixed_radius: bool, radius: float) -> Tube:
         tube = replace(tube, radius=radius, solid=True)
         return gauss_newton(points, tube, free_radius=False, steps=8, floor=LEAST_FLOOR, search=True)
     tube = _on_support(first, 0.7, _knot_spacing(first), _MOST_INTERVALS)
+    # Where points are sparse, the few of the rough rounds fall short of the ends.
+    for _ in range(_ROUNDS):
+        if tube.curve.length < first.curve.length + 0.2 * first.radius:
+            break
+        first = gauss_newton(points, tube, free_radius=not fixed_radius, steps=1, floor=0.02, search=True)
+        tube = _on_support(first, 0.7, _knot_spacing(first), _MOST_INTERVALS)
     return gauss_newton(points, tube, free_radius=not fixed_radius, steps=6, floor=LEAST_FLOOR)
 
 
@@ -205,10 +211,17 @@ def _on_support(tube: Tube, margin: float, spacing: float, most: int) -> Tube:
     bins = max(10, min(int(length / radius), len(s) // 15))
     counts = np.bincount(np.minimum((s * (bins / length)).astype(np.intp), bins - 1), minlength=bins)
     low, high = (place * length / bins for place in (_first_full(counts), bins - _first_full(counts[::-1])))
-    s = np.sort(s[(s >= low) & (s <= high)])
+    everything = np.sort(s)
+    s = everything[(everything >= low) & (everything <= high)]
     # Where points are sparse, the last one may be farther from the end.
     few = min(_FEW, len(s) - 1)
     reach = 8.0 * np.array([s[few] - s[0], s[-1] - s[-1 - few]]) / few
+    # A bin may be emptier than its neighbours by chance: points that go on without a gap belong to the object.
+    lone = np.diff(everything)
+    before = np.flatnonzero((lone > reach[0]) & (everything[1:] <= s[0]))
+    behind = np.flatnonzero((lone > reach[1]) & (everything[:-1] >= s[-1]))
+    s = everything[before[-1] + 1 if len(before) else 0 : behind[0] + 1 if len(behind) else len(everything)]
+    low, high = min(low, float(s[0])), max(high, float(s[-1]))
     before, after = np.clip(reach, margin * radius, 3.0 * radius).tolist()
     low, high = max(low, float(s[0]) - radius) - before, min(high, float(s[-1]) + radius) + after
     most = max(_FEWEST_INTERVALS, min(most, len(s) // _POINTS_PER_INTERVAL))

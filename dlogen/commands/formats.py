@@ -33,4 +33,4 @@ def command(as_json: bool, console: Console) -> None:
         return
     for row in rows:
         does = "read, write" if row["read"] else "write"
-        click.echo(f"{row['name']:<8} {does:<12} {' '.join(row['suffixes']):<16} {row['description']}")
+        click.echo(f"{row['name']:<10} {does:<12} {' '.join(row['suffixes']):<16} {row['description']}")

@@ -286,3 +286,10 @@ def test_angles_and_lengths_are_numbers() -> None:
     with pytest.raises(ConfigError) as caught:
         Config.from_dict({"frame": {"xyz": [1, 2, 3]}})
     assert "frame.x" in str(caught.value)
+
+
+def test_world_is_the_world_of_sdf() -> None:
+    # SDFormat reserves the name: a frame must not be called so again.
+    text = {name: model_format("sdf").write(fit_in(name=name), "x")["x.sdf"].decode() for name in ("world", "base")}
+    assert '<frame name="base">' in text["base"]
+    assert '<frame name="world">' not in text["world"]

@@ -32,7 +32,8 @@ def sdf(model: MultibodyModel) -> str:
     first, last = model.bodies[0], model.bodies[-1]
     base = _pose(model.base_position, model.base_rotation)
     lines = [HEADER, start("sdf", version="1.7"), start("model", name=_name(model.name))]
-    lines.append(element("frame", element("pose", _ZERO), name=model.root))
+    if model.root != "world":  # SDFormat has that one already
+        lines.append(element("frame", element("pose", _ZERO), name=model.root))
     if not model.floating:
         lines.append(
             element("joint", "<parent>world</parent>" + element("child", first.name), name="base_joint", type="fixed")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import html
 import re
 from collections.abc import Iterable
-from xml.sax.saxutils import quoteattr
 
 #: Characters that XML 1.0 cannot hold, not even escaped: control characters, and what file names that are no Unicode
 #: turn into.
@@ -43,5 +43,5 @@ def start(tag: str, /, **attributes: str | float | Iterable[float]) -> str:
 
 def _quoted(value: str | float | Iterable[float]) -> str:
     if isinstance(value, str):
-        return quoteattr(_FORBIDDEN.sub("\ufffd", value))
+        return '"' + html.escape(_FORBIDDEN.sub("\ufffd", value)) + '"'
     return f'"{numbers(value) if isinstance(value, Iterable) else number(value)}"'

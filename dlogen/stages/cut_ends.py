@@ -80,6 +80,6 @@ def _tilt(along: Array, y: Array, z: Array, radius: float) -> tuple[float, float
     system = np.array(rows) * weight[:, None]
     solution = np.linalg.lstsq(system, np.array(edges) * weight, rcond=None)[0]
     covariance = np.linalg.pinv(system.T @ system)
-    tilt = float(np.hypot(*solution[1:]))
+    tilt = float(np.linalg.norm(solution[1:]))
     direction = solution[1:] / max(tilt, 1e-12)
-    return tilt, float(np.sqrt(max(direction @ covariance[1:, 1:] @ direction, 0.0)))
+    return tilt, float(np.sqrt(max(float(direction @ covariance[1:, 1:] @ direction), 0.0)))

@@ -29,6 +29,9 @@ from dlogen.stages.minimax import minimax_joints
 #: The deviation that the searches aim at, as a share of e_max; the rest is for their rounding.
 _AIM = 1.0 - 1e-7
 
+#: The search takes seconds at thousands of segments; no simulator takes more.
+_MOST_SEARCHED = 10_000
+
 
 @dataclass(frozen=True)
 class Wish:
@@ -82,6 +85,13 @@ def segment(line: Skeleton, e_max: float, wish: Wish) -> Segmentation:
     if chosen is not None and not wish.alternatives:
         return chosen
 
+    about = line.length / _eq_17(e_max, _smallest_radius(line))
+    if about > _MOST_SEARCHED:
+        raise FitError(
+            f"e_max = {e_max:g} m means about {about:.3g} segments: too many to search for the fewest",
+            "raise e_max, or set segmentation.criterion to paper",
+            stage="segmentation",
+        )
     found = _search(line, e_max, wish.min_last, minimax=wish.alternatives or wish.placement == "minimax")
     if chosen is None:
         chosen = next(item for item in found if (item.criterion, item.placement) == ("fewest", wish.placement))

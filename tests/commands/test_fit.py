@@ -171,7 +171,7 @@ def ring() -> np.ndarray:
 
 def two_objects() -> np.ndarray:
     tube = sample_tube(centre_line("straight"), 0.02, 2000, np.random.default_rng(3)).points
-    return np.vstack([tube, tube + [0.5, 0.3, 0.6]])
+    return np.vstack([tube, tube + np.array([0.5, 0.3, 0.6])])
 
 
 def branched() -> np.ndarray:

@@ -1,8 +1,8 @@
 """SDFormat 1.7 of the multibody model, for Gazebo and Drake: universal joints (bend) or ball joints (bend and twist).
 
-Links are at the zero pose of the settings; SDFormat models have no initial joint values. A universal joint is Ry(a) Rz(b)
-as in the other formats, with limits, springs and damping. A ball joint has no axes in SDFormat, hence none of them: use
-`joints.dof: 2` where stiffness matters. The base is fixed to the world, or free.
+Links are at the zero pose of the settings; SDFormat models have no initial joint values. A universal joint is Ry(a)
+Rz(b) as in the other formats, with limits, springs and damping. A ball joint has no axes in SDFormat, hence none of
+them: use `joints.dof: 2` where stiffness matters. The base is fixed to the world, or free.
 """
 
 from __future__ import annotations

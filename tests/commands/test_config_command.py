@@ -35,8 +35,8 @@ def test_show_prints_every_key_with_help_unit_range_and_default():
         assert setting.help in one_line
         assert not setting.unit or f"({setting.unit})" in one_line
         assert setting.expected in one_line
-    density = "Allowed: a number > 0 (kg/m^3), or auto: from mass, mass_per_length or the preset, else 1200. Default: auto."
-    assert density in one_line
+    density = "a number > 0 (kg/m^3), or auto: from mass, mass_per_length or the preset, else 1200. Default: auto."
+    assert f"Allowed: {density}" in one_line
     assert "auto: r / 2, the paper's ratio. Default: auto." in one_line
     assert max(map(len, result.stdout.splitlines())) <= 120
 

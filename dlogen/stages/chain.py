@@ -92,8 +92,8 @@ def deviation(line: Skeleton, joints: Joints, samples: int = 33) -> tuple[float,
     pieces = np.flatnonzero(distance.max(axis=1) >= 0.95 * distance.max())
     width = (joints.s[pieces + 1] - joints.s[pieces]) / (samples - 1)
     peak = s[pieces, np.argmax(distance[pieces], axis=1)]
-    for finer in (16, 256):
-        around = peak[:, None] + width[:, None] * np.linspace(-1.0, 1.0, 33) * (16 / finer)
+    for narrower in (1.0, 1.0 / 16.0, 1.0 / 256.0):
+        around = peak[:, None] + width[:, None] * np.linspace(-narrower, narrower, 33)
         around = np.clip(around, joints.s[pieces, None], joints.s[pieces + 1, None])
         close = _to_segments(line, around, start[pieces], end[pieces])
         highest = np.argmax(close, axis=1)

@@ -16,7 +16,7 @@ from dlogen.model import Array, BoolArray, IntArray
 from dlogen.stages.curve_table import CurveTable, Deviations, deviations, dot, trace
 
 #: Intervals of lengths that are still open at this share of the length count as settled by the chains at their ends.
-RESOLUTION = 1e-7
+RESOLUTION = 1e-6
 #: First lengths for each segment that the chain can have, and bounds of their number.
 _PER_SEGMENT, _LEAST, _MOST = 8, 64, 512
 #: Chains that a search lays at most; only a line full of hairpins comes near it.
@@ -53,8 +53,8 @@ class Chains:
         self,
         table: CurveTable,
         e_max: float,
-        count: int | None = None,
-        length: float | None = None,
+        count: int = 1 << 62,
+        length: float = 0.0,
         among: BoolArray | None = None,
         order: Array | None = None,
     ) -> int | None:
@@ -63,15 +63,14 @@ class Chains:
         Args:
             table: the line.
             e_max: metres.
-            count, length: it must be better than that, if given.
+            count, length: it must be better than that.
             among: (B,) which chains to look at.
             order: (B,) the one with the smallest value of this is the best.
         """
         possible = self.deviation <= e_max
         if among is not None:
             possible &= among
-        if count is not None:
-            possible &= (self.counts < count) | ((self.counts == count) & (self.lengths > length))
+        possible &= (self.counts < count) | ((self.counts == count) & (self.lengths > length))
         rows = np.flatnonzero(possible)
         keys = (-self.lengths, self.counts) if order is None else (order,)
         for i in rows[np.lexsort([key[rows] for key in keys])]:
@@ -130,7 +129,7 @@ def fewest_segments(table: CurveTable, e_max: float, allowed: float, min_last: f
         return Fewest(1, float(single.lengths[0]), None, 0.0, 1)
 
     allowed = min(allowed, 0.5 * reach)
-    best = count = None
+    count, best = None, 0.0
     tried = [single]
     # Inverse lengths: where the chain gets one segment more is evenly spaced.
     low, high = np.array([1.0 / reach]), np.array([1.0 / allowed])
@@ -141,12 +140,12 @@ def fewest_segments(table: CurveTable, e_max: float, allowed: float, min_last: f
         chains = lay_chains(table, 1.0 / grid.ravel(), e_max)
         tried.append(chains)
         laid += grid.size
-        i = chains.best_within(table, e_max, count, best)
+        i = chains.best_within(table, e_max) if count is None else chains.best_within(table, e_max, count, best)
         if i is not None:
             count, best = int(chains.counts[i]), float(chains.lengths[i])
         counts, lengths = chains.counts.reshape(grid.shape), chains.lengths.reshape(grid.shape)
         keep = ~np.append(chains.refuted, True).reshape(grid.shape)[:, :-1]
-        if count is not None and best is not None:
+        if count is not None:
             fewer = np.minimum(counts[:, :-1], counts[:, 1:])
             keep &= (fewer < count) | ((fewer == count) & (lengths[:, :-1] > best * (1.0 + RESOLUTION)))
         low, high = grid[:, :-1][keep], grid[:, 1:][keep]
@@ -158,7 +157,7 @@ def fewest_segments(table: CurveTable, e_max: float, allowed: float, min_last: f
         resolution = RESOLUTION if fine.any() else resolution
         low, high = low[~fine], high[~fine]
         parts = int(np.clip(256 // max(len(low), 1), 4, 32))
-    if count is None or best is None:
+    if count is None:
         return None
     length = _with_last(table, best, count, e_max, min_last)
     return Fewest(count, length, _closest(table, tried, count - 1), resolution, laid)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, solve_banded
 
 from dlogen.model import Array, Joints
-from dlogen.stages.curve_table import CurveTable, dot, trace
+from dlogen.stages.curve_table import CurveTable, deviations, dot, trace
 
 #: The exponents and how many Newton steps each gets.
 _EXPONENTS = (4, 4, 8, 8, 8, 16, 16, 16, 16, 32, 32, 32, 32, 64, 64, 64, 64)
@@ -25,6 +25,8 @@ _EXPONENTS = (4, 4, 8, 8, 8, 16, 16, 16, 16, 32, 32, 32, 32, 64, 64, 64, 64)
 _PLACES = np.linspace(0.0, 1.0, 17)
 #: An arc needs no fewer segments than this share of those with joints on it; bends of both senses a little fewer.
 _SHARE = 0.66
+#: A chain whose last segment has less of the line than this share of a segment's length is no better than one without.
+_STUB = 0.05
 #: Segment lengths are met to this many metres.
 _TOLERANCE = 1e-12
 #: Bandwidth of the Newton system, whose unknowns are a joint and the multiplier of its segment in turn.
@@ -121,7 +123,7 @@ class _Chain:
                 self._step(exponent)
             except LinAlgError:
                 break
-            deviation = self.deviation()
+            deviation = self._deviation()
             if deviation < 1.001 * smallest and self._uneven() < 0.01 * e_max:
                 joints, reached = self._within(e_max)
                 smallest = min(smallest, reached)
@@ -137,8 +139,10 @@ class _Chain:
                 if self._uneven() < _TOLERANCE:
                     break
                 self._step(None)
-        deviation = self.deviation(65)
-        even = self._uneven() < 1e3 * _TOLERANCE
+        pieces = float(deviations(self.table, self.u, self.x, 33).distance.max())
+        deviation = max(pieces, self._apart())
+        stub = float(np.diff(self.u).min()) * self.table.step < _STUB * self.length
+        even = self._uneven() < 1e3 * _TOLERANCE and not stub
         joints = None
         if deviation <= e_max and even:
             s = self.table.parameter(self.u)
@@ -158,15 +162,18 @@ class _Chain:
         beyond = max(0.0, float(sizes[-1] - first.max())) if len(sizes) > 1 else 0.0
         return float(np.ptp(first)) + beyond
 
-    def deviation(self, places: int = 17) -> float:
-        """The largest distance between the line's pieces and their segments, and between joints and feet, metres."""
-        _, residual = self._pieces(np.linspace(0.0, 1.0, places))
-        apart = self.x - self.table(self.u)
-        return float(np.sqrt(max(dot(residual, residual).max(), dot(apart, apart).max())))
+    def _deviation(self) -> float:
+        """The largest distance between pieces and segments, at a few places, and between joints and feet, metres."""
+        _, residual = self._pieces()
+        return max(float(np.sqrt(dot(residual, residual).max())), self._apart())
 
-    def _pieces(self, places: Array) -> tuple[Array, Array]:
+    def _apart(self) -> float:
+        """The largest distance between a joint and its foot, metres."""
+        return float(np.linalg.norm(self.x - self.table(self.u), axis=0).max())
+
+    def _pieces(self) -> tuple[Array, Array]:
         """Feet on the segments, (P, n), and vectors from there to the line, (3, P, n)."""
-        line = self.table(self.u[:-1] + places[:, None] * np.diff(self.u))
+        line = self.table(self.u[:-1] + _PLACES[:, None] * np.diff(self.u))
         start, axis = self.x[:, None, :-1], np.diff(self.x, axis=1)[:, None]
         axis = np.broadcast_to(axis, line.shape)
         t = np.clip(dot(line - start, axis) / np.maximum(dot(axis, axis), 1e-300), 0.0, 1.0)
@@ -230,7 +237,7 @@ class _Chain:
 
     def _quadratic(self, exponent: int, unit: Array) -> tuple[Array, Array, Array]:
         """Second derivatives (3, 3, n - 1) and (3, 3, n - 2), and gradient (3, n - 1), of the sum of (distance)^p."""
-        t, residual = self._pieces(_PLACES)
+        t, residual = self._pieces()
         feet, tangent = self.table.with_tangent(self.u[1:-1])
         apart = feet - self.x[:, 1:-1]
         distance, gap = np.sqrt(dot(residual, residual)), np.sqrt(dot(apart, apart))

@@ -29,8 +29,8 @@ from dlogen.stages.minimax import minimax_joints
 #: The deviation that the searches aim at, as a share of e_max; the rest is for their rounding.
 _AIM = 1.0 - 1e-7
 
-#: The search takes seconds at thousands of segments; no simulator takes more.
-_MOST_SEARCHED = 10_000
+#: The search takes ten seconds at a thousand segments; no simulator takes more.
+_MOST_SEARCHED = 2_000
 
 
 @dataclass(frozen=True)

@@ -129,7 +129,7 @@ def fewest_segments(table: CurveTable, e_max: float, allowed: float, min_last: f
         return Fewest(1, float(single.lengths[0]), None, 0.0, 1)
 
     allowed = min(allowed, 0.5 * reach)
-    count, best = None, 0.0
+    count, best, share = None, 0.0, 0.0
     tried = [single]
     # Inverse lengths: where the chain gets one segment more is evenly spaced.
     low, high = np.array([1.0 / reach]), np.array([1.0 / allowed])
@@ -142,7 +142,7 @@ def fewest_segments(table: CurveTable, e_max: float, allowed: float, min_last: f
         laid += grid.size
         i = chains.best_within(table, e_max) if count is None else chains.best_within(table, e_max, count, best)
         if i is not None:
-            count, best = int(chains.counts[i]), float(chains.lengths[i])
+            count, best, share = int(chains.counts[i]), float(chains.lengths[i]), float(chains.share[i])
         counts, lengths = chains.counts.reshape(grid.shape), chains.lengths.reshape(grid.shape)
         keep = ~np.append(chains.refuted, True).reshape(grid.shape)[:, :-1]
         if count is not None:
@@ -159,7 +159,7 @@ def fewest_segments(table: CurveTable, e_max: float, allowed: float, min_last: f
         parts = int(np.clip(256 // max(len(low), 1), 4, 32))
     if count is None:
         return None
-    length = _with_last(table, best, count, e_max, min_last)
+    length = best if share >= min_last else _with_last(table, best, count, e_max, min_last)
     return Fewest(count, length, _closest(table, tried, count - 1), resolution, laid)
 
 
@@ -167,8 +167,6 @@ def _with_last(table: CurveTable, longest: float, count: int, e_max: float, min_
     """The longest length with so many segments whose last one is long enough, or the one where it is longest."""
     low = 1.0 / longest
     grid = np.linspace(low, low + 1.1 / table.line.length, 64)
-    if float(lay_chains(table, np.array([longest]), e_max).share[0]) >= min_last:
-        return longest
     chains = lay_chains(table, 1.0 / grid, e_max)
     of_count = chains.counts == count
     enough = chains.best_within(table, e_max, among=of_count & (chains.share >= min_last))

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -24,17 +24,18 @@ from dlogen.polyline import resample
 from dlogen.stages.chain import build_chain
 from dlogen.stages.checks import check_deviation, check_line, check_points, check_walk, on_surface
 from dlogen.stages.curvature import max_curvature
-from dlogen.stages.cut_ends import cut_ends
 from dlogen.stages.normals import choose_neighbours, estimate_normals, orient_normals
-from dlogen.stages.ordering import Ordering, order
 from dlogen.stages.projection import project
-from dlogen.stages.refine import Refined, refine
 from dlogen.stages.residual import foot_points, tube_residual
 from dlogen.stages.scale import estimate_scale, thinned
 from dlogen.stages.segmentation import Wish, segment
 from dlogen.stages.skeleton import choose_beta, fit_skeleton, paper_basis
 from dlogen.stages.sorting import default_start, sort_points
 from dlogen.units import METRES, guess_units
+
+if TYPE_CHECKING:
+    from dlogen.stages.ordering import Ordering
+    from dlogen.stages.refine import Refined
 
 #: Points of the skeleton line in the outputs.
 SKELETON_POINTS = 1000
@@ -170,6 +171,11 @@ class _Line:
 
 def _refined_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock: _Clock) -> _Line:
     """The skeleton line by a robust fit of the tube's surface, from an order that survives real captures."""
+    # Imported here: the paper's profile need not wait for them.
+    from dlogen.stages.cut_ends import cut_ends
+    from dlogen.stages.ordering import order
+    from dlogen.stages.refine import refine
+
     points = cloud.points
     given = None if config.r == AUTO else config.r
     with clock.stage("scale"):

@@ -107,7 +107,9 @@ def _upper_edge(s: Array, sigma: float, background: float) -> End:
         probability = np.exp(log_likelihood - log_likelihood.max())
         mean = float(probability @ edges / probability.sum())
         likely = edges[probability > 1e-4]
-        low, high = float(likely[0]) - (edges[1] - edges[0]), float(likely[-1]) + (edges[1] - edges[0])
+        step = float(edges[1] - edges[0])
+        # No edge lies before the window.
+        low, high = max(float(likely[0]) - step, start + 0.1 * spacing), float(likely[-1]) + step
     return End(mean, float(np.sqrt(probability @ (edges - mean) ** 2 / probability.sum())))
 
 

@@ -134,3 +134,17 @@ def test_refused_with_the_reason(name):
     assert caught.value.hint
     assert str(caught.value.path).endswith(name)
     assert caught.value.exit_code == 2
+
+
+@pytest.mark.parametrize("name", ["pcl_colored_cloud.pcd", "pcl_bun0.pcd", "pytransform3d_frame.ply"])
+@pytest.mark.parametrize("profile", ["refined", "paper"])
+def test_clouds_of_other_things_are_refused_or_marked(name: str, profile: str) -> None:
+    import dlogen
+
+    cloud = read_cloud(DATA / "formats" / name)
+    try:
+        result = dlogen.fit(cloud, {"profile": profile})
+    except dlogen.DlogenError as error:
+        assert error.hint
+    else:
+        assert result.quality.verdict != "good"

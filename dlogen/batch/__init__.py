@@ -1,0 +1,1 @@
+"""Many clouds: finding them, fitting them on many processes or machines, and keeping the records."""

@@ -4,6 +4,8 @@ import io
 import json
 
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from dlogen.console import Console, dump_json, print_json, use_colour
 
@@ -72,3 +74,26 @@ def test_json_is_text_that_reads_back(capsys) -> None:
 def test_json_has_no_nan(value: float) -> None:
     with pytest.raises(ValueError, match="Out of range float"):
         dump_json({"x": value})
+
+
+_JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+)
+
+
+@given(_JSON)
+@example([[], [1]])
+@example([[[1.5, 2], [3, 4]], [[5, 6]]])
+@example([["], ["], [",["]])
+@example({"a": [[1], [{"b": []}]], "c": {}})
+def test_json_is_that_of_the_standard_library(data) -> None:
+    assert json.loads(dump_json(data)) == data
+
+
+def test_json_has_rows_of_numbers_on_a_line_each() -> None:
+    text = dump_json({"points": [[1.5, 2.0], [3.0, 4.0]], "s": [0.0, 1.0], "links": [{"name": "a"}]})
+    assert text == (
+        '{\n  "points": [\n    [1.5, 2.0],\n    [3.0, 4.0]\n  ],\n  "s": [0.0, 1.0],\n'
+        '  "links": [\n    {\n      "name": "a"\n    }\n  ]\n}\n'
+    )

@@ -617,22 +617,34 @@ class Config(_Section):
         return cls(**top, **{section: cast("Any", _sections()[section](**inner)) for section, inner in nested.items()})
 
 
-def load_config(path: str | Path | None = None, overrides: Sequence[str] = ()) -> Config:
+def load_config(
+    path: str | Path | None = None,
+    overrides: Sequence[str] = (),
+    *,
+    base: Config | None = None,
+    text: str | None = None,
+) -> Config:
     """Read a YAML file and apply overrides to it.
 
     Args:
         path: the file; "-" for standard input; None for the defaults.
         overrides: "KEY=VALUE" with dotted keys, such as "normals.neighbours=20". Later ones win over earlier ones, and
             all of them over the file.
+        base: what the file and the overrides change; the defaults if left out.
+        text: what the file holds, where that is known already; it is not opened then.
 
     Raises:
         ConfigError: the file cannot be read or is not YAML; a key is unknown, given twice or holds what it may not;
             two keys contradict each other. All that is wrong is named, with lines.
     """
-    values, places = ({}, {}) if path is None else read_file(config_keys(), path)
+    values: Values = {} if base is None else base._values()
+    places: dict[str, str] = {}
+    if path is not None:
+        read, places = read_file(config_keys(), path, text)
+        values |= read
     problems: list[Problem] = []
-    for text in overrides:
-        value, place = read_override(config_keys(), text, problems)
+    for override in overrides:
+        value, place = read_override(config_keys(), override, problems)
         values |= value
         places |= place
     refuse(problems)

@@ -73,8 +73,13 @@ def read_mapping(
     return values, problems
 
 
-def read_file(keys: Keys, path: str | Path) -> tuple[Values, dict[str, str]]:
+def read_file(keys: Keys, path: str | Path, text: str | None = None) -> tuple[Values, dict[str, str]]:
     """A YAML file, or standard input for "-": its values, and for each of them where it stands.
+
+    Args:
+        keys: the keys that there are.
+        path: the file.
+        text: what it holds, if somebody has read it already.
 
     Raises:
         ConfigError: it cannot be read, or something in it is wrong. All that is wrong is named.
@@ -82,7 +87,7 @@ def read_file(keys: Keys, path: str | Path) -> tuple[Values, dict[str, str]]:
     from dlogen.strict_yaml import parse
 
     name = "standard input" if str(path) == "-" else str(path)
-    text = _read_text(path, name)
+    text = read_text(path) if text is None else text
     try:
         document = parse(text)
     except ConfigError as error:
@@ -104,8 +109,13 @@ def read_file(keys: Keys, path: str | Path) -> tuple[Values, dict[str, str]]:
     return values, {key: places[key] for key in values}
 
 
-def _read_text(path: str | Path, name: str) -> str:
-    """The text of a file that is small enough and in UTF-8."""
+def read_text(path: str | Path) -> str:
+    """The text of a configuration file, or of standard input for "-".
+
+    Raises:
+        ConfigError: it cannot be read, is too large, or not UTF-8.
+    """
+    name = "standard input" if str(path) == "-" else str(path)
     try:
         if str(path) == "-":
             raw = sys.stdin.buffer.read(MAX_BYTES + 1)

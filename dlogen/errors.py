@@ -55,5 +55,22 @@ class UsageError(DlogenError):
     exit_code = 2
 
 
+class OutputError(UsageError):
+    """A place that cannot be written.
+
+    Args:
+        message: as of `DlogenError`.
+        hint: as of `DlogenError`.
+        path: as of `DlogenError`.
+        for_all: nothing else can be written there either: the disk is full or read-only.
+    """
+
+    def __init__(
+        self, message: str, hint: str | None = None, *, path: str | Path | None = None, for_all: bool = False
+    ) -> None:
+        super().__init__(message, hint, path=path)
+        self.for_all = for_all
+
+
 class FitError(DlogenError):
     """A readable cloud from which no chain can be made."""

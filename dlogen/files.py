@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from dlogen.errors import UsageError
+from dlogen.errors import OutputError, UsageError
+
+#: What the next file would meet as well.
+_NOTHING_CAN_BE_WRITTEN = {
+    getattr(errno, name) for name in ("ENOSPC", "EDQUOT", "EROFS", "EIO", "ESTALE") if hasattr(errno, name)
+}
 
 
 def refuse_existing(paths: list[Path], force: bool) -> None:
@@ -30,7 +36,7 @@ def write_all(contents: Mapping[Path, bytes]) -> None:
     Folders are made as needed, and removed again when a file cannot be written.
 
     Raises:
-        UsageError: the place cannot be written.
+        UsageError: the place cannot be written (`OutputError`), or is a folder.
     """
     write_with({path: _bytes_writer(data) for path, data in contents.items()})
 
@@ -39,7 +45,7 @@ def write_with(writers: Mapping[Path, Callable[[Path], None]]) -> None:
     """As `write_all`, for writers that want a path to write to. The temporary name keeps the file's ending.
 
     Raises:
-        UsageError: the place cannot be written.
+        UsageError: the place cannot be written (`OutputError`), or is a folder.
     """
     staged: list[tuple[Path, Path]] = []
     made: list[Path] = []
@@ -63,10 +69,11 @@ def write_with(writers: Mapping[Path, Callable[[Path], None]]) -> None:
             staged.pop(0)
         made.clear()
     except OSError as error:
-        raise UsageError(
+        raise OutputError(
             f"cannot write: {error.strerror or error}",
             "choose another folder with -o, or check its permissions and free space",
             path=target,
+            for_all=error.errno in _NOTHING_CAN_BE_WRITTEN,
         ) from error
     finally:
         for temporary, _ in staged:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dlogen.cli import Command
-from dlogen.console import Console, dump_json, print_json
+from dlogen.console import Console, print_json
 
 if TYPE_CHECKING:
     from dlogen.model import Result
@@ -72,19 +72,16 @@ def command(
     from dlogen.config import load_config
     from dlogen.errors import DlogenError, FitError
     from dlogen.files import refuse_existing, write_all
-    from dlogen.formats import model_format, model_formats
+    from dlogen.outputs import Outputs
 
     flags = {"profile": profile, "frame.convention": convention}
     given = [f"{key}={value}" for key, value in flags.items() if value is not None]
     config = load_config(config_path, [*overrides, *given])
-    wanted = [item.name for item in model_formats()] if formats == "all" else _names(formats)
-    writers = [model_format(name) for name in wanted]
+    outputs = Outputs.parse(formats, plot)
     stem = "cloud" if cloud == "-" else Path(cloud).stem
     out = Path(folder)
     # Refuse before the work, not after it.
-    expected = [out / name for writer in writers for name in writer.files(stem)]
-    expected += [out / f"{stem}.report.json", *([out / f"{stem}.png"] if plot else [])]
-    refuse_existing(expected, force)
+    refuse_existing([out / name for name in outputs.files(stem)], force)
 
     from dlogen.clouds import read_cloud
     from dlogen.pipeline import fit
@@ -98,13 +95,8 @@ def command(
             error.path = error.path or cloud
             raise
         compared = _against(reference, result, config.mdtw.samples) if reference else None
-    contents = {out / name: data for writer in writers for name, data in writer.write(result, stem).items()}
     report = report_dict(result, compared)
-    contents[out / f"{stem}.report.json"] = dump_json(report).encode()
-    if plot:
-        from dlogen.plots import fit_picture
-
-        contents[out / f"{stem}.png"] = fit_picture(result)
+    contents = {out / name: data for name, data in outputs.contents(result, stem, report).items()}
     written = list(contents)
     if dump_folder is not None:
         from dlogen.dump import dump_files
@@ -123,10 +115,6 @@ def command(
         raise FitError(
             f"the verdict is {result.quality.verdict}", "see the findings above, or leave --strict away", path=cloud
         )
-
-
-def _names(formats: str) -> list[str]:
-    return list(dict.fromkeys(name.strip() for name in formats.split(",") if name.strip()))
 
 
 def _against(reference: str, result: Result, samples: int) -> dict[str, object]:

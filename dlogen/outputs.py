@@ -1,0 +1,59 @@
+"""What is written for a cloud: models in the wanted formats, the report, a picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from dlogen.console import dump_json
+from dlogen.formats import model_format, model_formats
+
+if TYPE_CHECKING:
+    from dlogen.model import Result
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """The files that are made of a result.
+
+    Attributes:
+        formats: names of model formats.
+        plot: whether a picture is among them.
+
+    Raises:
+        UsageError: there is no such format.
+    """
+
+    formats: tuple[str, ...] = ("urdf", "json")
+    plot: bool = False
+
+    def __post_init__(self) -> None:
+        for name in self.formats:
+            model_format(name)
+
+    @classmethod
+    def parse(cls, formats: str, plot: bool = False) -> Outputs:
+        """From names with commas between them, or `all`."""
+        names = [item.name for item in model_formats()] if formats == "all" else formats.split(",")
+        return cls(tuple(dict.fromkeys(name.strip() for name in names if name.strip())), plot)
+
+    def files(self, stem: str) -> tuple[str, ...]:
+        """Names of the files, or of the folders that they are in, known before there is anything to write."""
+        models = [name for item in self.formats for name in model_format(item).files(stem)]
+        return (*models, f"{stem}.report.json", *([f"{stem}.png"] if self.plot else []))
+
+    def contents(self, result: Result, stem: str, report: dict[str, Any]) -> dict[str, bytes]:
+        """Their names, with folders before some of them, and what they hold.
+
+        Raises:
+            DlogenError: a format cannot hold this result, or pictures need matplotlib.
+        """
+        contents: dict[str, bytes] = {}
+        for item in self.formats:
+            contents |= model_format(item).write(result, stem)
+        contents[f"{stem}.report.json"] = dump_json(report).encode()
+        if self.plot:
+            from dlogen.plots import fit_picture
+
+            contents[f"{stem}.png"] = fit_picture(result)
+        return contents

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING
 
 from dlogen.errors import FitError
 from dlogen.formats import ModelFormat
-from dlogen.rotations import AXES, quaternion
 from dlogen.xml_text import HEADER, element, numbers, start
 
 if TYPE_CHECKING:
@@ -114,6 +113,8 @@ def _option(model: MultibodyModel) -> list[str]:
 
 def _body(model: MultibodyModel, body: Body, joint: Joint | None) -> Iterator[str]:
     """A segment, left open for the next one inside it; indented alike, since MJCF nests them."""
+    from dlogen.rotations import AXES, quaternion
+
     position = model.base_position if joint is None else (joint.offset, 0.0, 0.0)
     rotation = model.base_rotation if joint is None else joint.rotation
     yield "    " + start("body", name=body.name, pos=position, quat=quaternion(rotation))
@@ -156,6 +157,8 @@ def _armature(model: MultibodyModel) -> tuple[float, float]:
 
 
 def _qpos(model: MultibodyModel, values: Array) -> str:
+    from dlogen.rotations import quaternion
+
     base = (*model.base_position, *quaternion(model.base_rotation)) if model.floating else ()
     return numbers((*base, *values.ravel()))
 

@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from dlogen.formats import ModelFormat
-from dlogen.rotations import AXES, roll_pitch_yaw
 from dlogen.xml_text import HEADER, element, number, numbers, start
 
 if TYPE_CHECKING:
@@ -57,6 +56,8 @@ def _name(text: str) -> str:
 
 
 def _pose(position: Array | tuple[float, float, float], rotation: Array, relative_to: str | None = None) -> str:
+    from dlogen.rotations import roll_pitch_yaw
+
     text = numbers((*position, *roll_pitch_yaw(rotation)))
     return element("pose", text) if relative_to is None else element("pose", text, relative_to=relative_to)
 
@@ -92,6 +93,8 @@ def _cylinder(tag: str, begin: float, end: float, radius: float) -> str:
 
 
 def _joint(joint: Joint) -> Iterator[str]:
+    from dlogen.rotations import AXES
+
     universal = len(joint.axes) == 2
     yield start("joint", name=joint.name, type="universal" if universal else "ball")
     yield "  " + _pose((joint.offset, 0.0, 0.0), joint.rotation, joint.parent)

@@ -15,7 +15,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from dlogen.formats import ModelFormat
-from dlogen.rotations import AXES, roll_pitch_yaw
 from dlogen.xml_text import HEADER, element, number, start
 
 if TYPE_CHECKING:
@@ -101,6 +100,8 @@ def _small(name: str, inertial: str) -> list[str]:
 
 def _hinges(joint: Joint, small: str) -> Iterator[str]:
     """The revolute joints of a joint, and the small links between them."""
+    from dlogen.rotations import AXES
+
     parent, rotation = joint.parent, joint.rotation
     offset = (joint.offset, 0.0, 0.0)
     for k, (axis, name) in enumerate(zip(joint.axes, joint.hinge_names, strict=True)):
@@ -135,6 +136,8 @@ def _joint(
     rotation: Array | None = None,
     *more: str,
 ) -> list[str]:
+    from dlogen.rotations import roll_pitch_yaw
+
     rpy = (0.0, 0.0, 0.0) if rotation is None else roll_pitch_yaw(rotation)
     parts = [
         element("parent", link=parent),

@@ -13,9 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from dlogen.formats.urdf import roll_pitch_yaw, write
+from dlogen.formats.urdf import write
 from dlogen.model import Result
 from dlogen.multibody import multibody
+from dlogen.rotations import roll_pitch_yaw
 from dlogen.stages.chain import build_chain
 from dlogen.stages.joints import place_joints
 from dlogen.synthetic import centre_line, hose_centre_line, random_centre_line

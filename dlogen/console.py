@@ -48,6 +48,11 @@ class Console:
         if hint:
             click.echo(_styled("hint: ", fg="cyan") + hint, err=True)
 
+    def hint(self, message: str) -> None:
+        """What to try about a warning; shown unless quiet."""
+        if self.level >= 0:
+            click.echo(_styled("hint: ", fg="cyan") + message, err=True)
+
     @contextmanager
     def status(self, message: str) -> Iterator[None]:
         """A spinner while something runs, on a terminal only."""

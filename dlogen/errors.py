@@ -74,3 +74,17 @@ class OutputError(UsageError):
 
 class FitError(DlogenError):
     """A readable cloud from which no chain can be made."""
+
+
+class Interrupted(DlogenError):
+    """The user, or the system, wants the program to end.
+
+    Args:
+        message: as of `DlogenError`.
+        hint: as of `DlogenError`.
+        signal: its number; the exit code is 128 more, as of shells.
+    """
+
+    def __init__(self, message: str, hint: str | None = None, *, signal: int = 2) -> None:
+        super().__init__(message, hint)
+        self.exit_code = 128 + signal

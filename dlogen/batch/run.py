@@ -1,0 +1,225 @@
+"""A batch: what has to be done, done where the pool does it, and recorded as it comes in."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import hashlib
+import json
+import os
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dlogen._version import __version__
+from dlogen.batch.inputs import Item
+from dlogen.batch.ledger import Ledger, Row
+from dlogen.batch.pool import Pool
+from dlogen.batch.work import Failure, Outcome, Plan, Task, failure_of, write_files
+from dlogen.config_reader import read_text
+from dlogen.errors import ConfigError, DlogenError, OutputError
+
+#: Failures that need not come again: they may be due to the machine and what else ran there.
+_OF_THE_MACHINE = ("timeout", "memory", "worker-died")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a batch deals with what is there already, and with its clouds' bytes.
+
+    Attributes:
+        force: do all clouds again, and overwrite files that no batch has made.
+        retry: do clouds again that failed, though nothing has changed.
+        ship: send the clouds' bytes to the workers, and take the results' bytes from them.
+    """
+
+    force: bool = False
+    retry: bool = False
+    ship: bool = False
+
+
+class Batch:
+    """Clouds, with the folder for their results.
+
+    Args:
+        items: the clouds; their keys differ.
+        folder: of the results.
+        plan: what is done to each.
+        ledger: the folder's records.
+        settings: see there.
+
+    Attributes:
+        kept: records of the clouds that need not be done again.
+        todo: those that do.
+    """
+
+    def __init__(
+        self, items: Sequence[Item], folder: Path, plan: Plan, ledger: Ledger, settings: Settings | None = None
+    ) -> None:
+        self.folder, self.plan, self.ledger = folder, plan, ledger
+        self.settings = settings or Settings()
+        before = {row.key: row for row in ledger.rows()}
+        self._remove_unfinished(before)
+        self._known = before.keys()
+        self.kept: list[Row] = []
+        self.todo: list[Item] = []
+        for item in items:
+            row = before.get(shown(item.key))
+            if row is not None and self._is_up_to_date(item, row):
+                self.kept.append(row)
+            else:
+                self.todo.append(item)
+
+    def run(self, pool: Pool) -> Generator[Row, None, None]:
+        """Do what has to be done.
+
+        Args:
+            pool: where; it has the same plan.
+
+        Yields:
+            The records, as they come in.
+
+        Raises:
+            OutputError: nothing more can be written. What has been done is recorded.
+            DlogenError: no work can be done at all.
+        """
+        under_way: dict[str, Row] = {}
+        refused: list[Row] = []
+
+        def tasks() -> Iterator[Task]:
+            for item in self.todo:
+                task, row = self._task(item)
+                if not self.settings.force and row.key not in self._known:
+                    existing = next(filter(os.path.lexists, self._files(item.key)), None)
+                    if existing is not None:
+                        hint = "use --force to overwrite, or -o for another folder"
+                        failure = Failure("output", f"output exists: {shown(str(existing))}", hint)
+                        refused.append(self._failed(item.key, row, failure))
+                        continue
+                self.ledger.write(row)
+                under_way[item.key] = row
+                yield task if not self.settings.ship else self._shipped(task)
+
+        # Closed here and now when we are: what is under way ends before the records are closed.
+        with contextlib.closing(pool.run(tasks())) as outcomes:
+            for outcome in outcomes:
+                yield from _drained(refused)
+                yield self._record(under_way.pop(outcome.key), outcome)
+        yield from _drained(refused)
+
+    def _task(self, item: Item) -> tuple[Task, Row]:
+        """What the worker is told, and what the records say meanwhile."""
+        text = None
+        if item.config is not None:
+            # What cannot be read fails again in the worker, as the failure of this cloud.
+            with contextlib.suppress(ConfigError):
+                text = read_text(item.config)
+        task = Task(item.cloud, item.key, item.config, text, item.overrides)
+        size, modified = _stat(item.cloud)
+        row = Row(shown(item.key), shown(item.cloud), "running", size=size, modified_ns=modified)
+        row.digest, row.version = self.plan.digest(task), __version__
+        return task, row
+
+    def _shipped(self, task: Task) -> Task:
+        """With the cloud's bytes. What cannot be read fails again in the worker."""
+        try:
+            # Never waits for a pipe: those that the worker meets it refuses.
+            content = Path(task.cloud).read_bytes() if Path(task.cloud).is_file() else None
+        except OSError:
+            content = None
+        return dataclasses.replace(task, content=content)
+
+    def _record(self, row: Row, outcome: Outcome) -> Row:
+        """Put down how it went, and write the results if the worker could not."""
+        failure = outcome.failure
+        if failure is None and outcome.files is not None:
+            try:
+                write_files(str(self.folder), outcome.key, outcome.files)
+            except DlogenError as error:
+                failure = failure_of(error)
+        if failure is not None and failure.stops_all:
+            # Not this cloud's fault: it stays undone.
+            raise OutputError(
+                failure.message,
+                "free some space and run the same command again: it goes on where it stopped",
+                path=self.folder,
+                for_all=True,
+            )
+        row.sha256, row.seconds = outcome.sha256, outcome.seconds
+        if failure is not None:
+            return self._failed(outcome.key, row, failure)
+        row.status, row.verdict = "done", outcome.verdict
+        row.findings, row.figures = " ".join(outcome.findings), dict(outcome.figures)
+        row.timings = json.dumps({stage: round(seconds, 6) for stage, seconds in outcome.timings.items()})
+        self.ledger.write(row)
+        return row
+
+    def _failed(self, key: str, row: Row, failure: Failure) -> Row:
+        row.status, row.code, row.error = "failed", failure.code, shown(failure.message)
+        row.hint, row.stage = failure.hint, failure.stage
+        if row.key in self._known:
+            # A model of what the cloud or the settings were before would pass for one of what they are now.
+            for path in self._files(key):
+                with contextlib.suppress(OSError):
+                    path.unlink()
+        self.ledger.write(row)
+        return row
+
+    def _is_up_to_date(self, item: Item, row: Row) -> bool:
+        """Whether nothing has changed since that record was made."""
+        if self.settings.force or row.status == "running":
+            return False
+        if row.status == "failed" and (self.settings.retry or row.code in _OF_THE_MACHINE or row.code == "output"):
+            return False
+        _, now = self._task(item)
+        if (now.digest, now.size) != (row.digest, row.size):
+            return False
+        if now.modified_ns != row.modified_ns:
+            # Copied or touched, perhaps not changed.
+            if row.sha256 is None or _sha256(item.cloud) != row.sha256:
+                return False
+            row.modified_ns = now.modified_ns
+            self.ledger.write(row)
+        return row.status == "failed" or all(os.path.lexists(path) for path in self._files(item.key))
+
+    def _files(self, key: str) -> list[Path]:
+        folder, _, stem = key.rpartition("/")
+        return [self.folder / folder / name for name in self.plan.outputs.files(stem)]
+
+    def _remove_unfinished(self, rows: dict[str, Row]) -> None:
+        """Temporary files of a run that was killed: they are beside the results of clouds that were under way."""
+        for row in rows.values():
+            if row.status == "running":
+                for path in (self.folder / row.key).parent.glob(".dlogen-*"):
+                    with contextlib.suppress(OSError):
+                        path.unlink()
+
+
+def shown(text: str) -> str:
+    """A file name as Unicode: names need not be, the records are."""
+    return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
+def _drained(rows: list[Row]) -> Iterator[Row]:
+    while rows:
+        yield rows.pop(0)
+
+
+def _stat(path: str) -> tuple[int | None, int | None]:
+    """Size and time of the last change; None where there is no such file."""
+    try:
+        found = Path(path).stat()
+    except (OSError, ValueError):
+        return None, None
+    return found.st_size, found.st_mtime_ns
+
+
+def _sha256(path: str) -> str | None:
+    digest = hashlib.sha256()
+    try:
+        with Path(path).open("rb") as stream:
+            while chunk := stream.read(1 << 20):
+                digest.update(chunk)
+    except OSError:
+        return None
+    return digest.hexdigest()

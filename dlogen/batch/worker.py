@@ -1,0 +1,72 @@
+"""A worker process of a batch: takes clouds from its standard input, one after another, and answers on standard output.
+
+The parent is told by end of file, on either side: a worker whose parent is gone ends at once, whatever it is at.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import pickle
+import queue
+import threading
+from typing import Any, BinaryIO
+
+from dlogen.batch.work import Task, work
+
+_NEEDED = (
+    *("dlogen.clouds", "dlogen.pipeline", "dlogen.report", "dlogen.batch.figures", "dlogen.formats.ply"),
+    *("dlogen.stages.ordering", "dlogen.stages.refine", "dlogen.stages.cut_ends"),
+)
+
+
+def main() -> None:
+    """Entry point; the pool starts it. First comes (plan, memory limit in bytes or None), then tasks."""
+    # Only answers may go to the pipe: what a library prints goes to the log.
+    inbox, outbox = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    plan, memory = pickle.load(inbox)
+    # All that most clouds need, so that a limit of memory or time is about the cloud.
+    for module in _NEEDED:
+        importlib.import_module(module)
+    if memory is not None:
+        limit_memory(memory)
+    _answer(outbox, "ready")
+    tasks: queue.SimpleQueue[Task] = queue.SimpleQueue()
+    threading.Thread(target=_listen, args=(inbox, tasks), daemon=True).start()
+    while True:
+        _answer(outbox, work(plan, tasks.get()))
+
+
+def _listen(inbox: BinaryIO, tasks: queue.SimpleQueue[Task]) -> None:
+    while True:
+        try:
+            tasks.put(pickle.load(inbox))
+        except (EOFError, OSError, pickle.UnpicklingError):
+            os._exit(0)
+
+
+def _answer(outbox: BinaryIO, what: Any) -> None:
+    try:
+        pickle.dump(what, outbox, protocol=pickle.HIGHEST_PROTOCOL)
+        outbox.flush()
+    except OSError:
+        os._exit(0)
+
+
+def limit_memory(limit: int) -> None:
+    """Let this process take so many bytes more than it has now. Beyond, allocations fail with MemoryError."""
+    import resource
+
+    with open("/proc/self/statm", encoding="ascii") as stream:  # noqa: PTH123
+        taken = int(stream.read().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (taken + limit, resource.RLIM_INFINITY))
+
+
+def can_limit_memory() -> bool:
+    """Whether this system has what `limit_memory` needs."""
+    try:
+        import resource
+    except ImportError:
+        return False
+    return hasattr(resource, "RLIMIT_AS") and os.path.exists("/proc/self/statm")  # noqa: PTH110

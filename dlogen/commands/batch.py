@@ -1,0 +1,140 @@
+"""`dlogen batch`: many clouds to many models."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+import click
+
+from dlogen.cli import Command
+from dlogen.console import Console
+
+_EXAMPLES = """Examples:
+
+\b
+  dlogen batch captures -o models
+  dlogen batch 'captures/**/*.pcd' -o models --set units=mm --format urdf,mjcf
+  find captures -name '*.ply' -print0 | dlogen batch - -o models --jobs 4
+  dlogen batch @captures.csv -o models --fail-above max_deviation=0.01
+  dlogen batch captures -o models --json | jq -r 'select(.verdict != "good") | .cloud'
+"""
+
+
+class _Size(click.ParamType):
+    """A number of bytes, with the units of people: 500M, 2G, 1.5GB."""
+
+    name = "size"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        if isinstance(value, int):
+            return value
+        match = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*([kMGT]?)(?:i?B)?\s*", value, re.IGNORECASE)
+        size = float(match[1]) * 1024 ** " KMGT".index(match[2].upper() or " ") if match else 0.0
+        if size < 1.0:
+            self.fail(f"{value!r} is not a size such as 500M or 2G.", param, ctx)
+        return int(size)
+
+
+@click.command(cls=Command, epilog=_EXAMPLES)
+@click.argument("inputs", metavar="INPUT...", nargs=-1, required=True)
+@click.option("-o", "--output", "folder", metavar="DIR", required=True, help="Folder for the results and the records.")
+@click.option("-j", "--jobs", type=click.IntRange(1), metavar="N", help="Worker processes.  [default: all cores]")
+@click.option("-c", "--config", "config_path", metavar="FILE", help="YAML configuration for all clouds.")
+@click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Set one configuration key; repeatable.")
+@click.option("--profile", type=click.Choice(["refined", "paper"]), help="Shorthand for --set profile=...")
+@click.option(
+    "--format",
+    "formats",
+    metavar="NAME,...",
+    default="urdf,json",
+    show_default=True,
+    help="Model formats to write (see dlogen formats), or all.",
+)
+@click.option("--plot", is_flag=True, help="Write a picture of every cloud (needs matplotlib: dlogen[plots]).")
+@click.option("--root", metavar="DIR", help="Results keep the layout that the clouds have below this folder.")
+@click.option(
+    "--own-configs/--no-own-configs",
+    default=True,
+    help="Take x.yaml beside x.ply for that cloud's configuration.  [default: yes]",
+)
+@click.option(
+    "--timeout", type=click.FloatRange(0.0, min_open=True), metavar="SECONDS", help="Time that a cloud may take."
+)
+@click.option("--memory", type=_Size(), metavar="SIZE", help="Memory that a cloud may take, such as 2G.")
+@click.option("--retry", is_flag=True, help="Do clouds again that failed before.")
+@click.option("--force", is_flag=True, help="Do all clouds again, and overwrite files of others.")
+@click.option(
+    "--fail-above",
+    "limits",
+    metavar="FIGURE=LIMIT",
+    multiple=True,
+    help="Exit 1 when a cloud's figure is above this, such as max_deviation=0.01; repeatable.",
+)
+@click.option("--strict", is_flag=True, help="Exit 1 unless all verdicts are good.")
+@click.option("--json", "as_json", is_flag=True, help="Print a line of JSON for each cloud as it is done.")
+def command(
+    inputs: tuple[str, ...],
+    folder: str,
+    jobs: int | None,
+    config_path: str | None,
+    overrides: tuple[str, ...],
+    profile: str | None,
+    formats: str,
+    plot: bool,
+    root: str | None,
+    own_configs: bool,
+    timeout: float | None,
+    memory: int | None,
+    retry: bool,
+    force: bool,
+    limits: tuple[str, ...],
+    strict: bool,
+    as_json: bool,
+    console: Console,
+) -> None:
+    """Make models from many clouds.
+
+    INPUT is a file, a folder, a quoted glob, @LIST (a file with a name on each line, or a CSV with a column cloud), or
+    - for a list on stdin. Results keep the folder layout of the clouds. A cloud that fails does not stop the others.
+    Run again, it does only what is missing or has changed.
+
+    DIR/dlogen.sqlite has a row for every cloud while it runs, DIR/summary.csv and DIR/summary.json at the end.
+    """
+    from dlogen.batch.figures import Threshold
+    from dlogen.batch.follow import follow
+    from dlogen.batch.inputs import find_items
+    from dlogen.batch.ledger import Ledger
+    from dlogen.batch.pool import LocalPool
+    from dlogen.batch.run import Batch, Settings
+    from dlogen.batch.work import Plan
+    from dlogen.batch.worker import can_limit_memory
+    from dlogen.config import load_config
+    from dlogen.errors import UsageError
+    from dlogen.outputs import Outputs
+
+    thresholds = [Threshold.parse(text) for text in limits]
+    outputs = Outputs.parse(formats, plot)
+    given = (*overrides, *([f"profile={profile}"] if profile else []))
+    # What is wrong for all clouds is said once.
+    load_config(config_path, given)
+    if memory is not None and not can_limit_memory():
+        raise UsageError("--memory needs Linux", "leave it away, and use fewer --jobs")
+    out = Path(folder)
+    items = find_items(inputs, out=out, root=root, own_configs=own_configs, outputs=outputs.files)
+    plan = Plan(str(out), load_config(config_path), given, outputs)
+
+    ledger = Ledger(out)
+    try:
+        batch = Batch(items, out, plan, ledger, Settings(force, retry))
+        pool = LocalPool(plan, min(jobs or _cores(), max(1, len(batch.todo))), timeout=timeout, memory=memory)
+        follow(batch, pool, console, thresholds=thresholds, strict=strict, as_json=as_json)
+    finally:
+        ledger.close()
+
+
+def _cores() -> int:
+    """Those that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,160 @@
+"""Where the results of the clouds of a batch go, so that none overwrites another, nor a cloud."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dlogen.batch import ledger, summary
+from dlogen.batch.paths import below, shown
+from dlogen.errors import UsageError
+
+if TYPE_CHECKING:
+    from dlogen.batch.inputs import Item
+
+#: stem -> names of the files that are written for it.
+Outputs = Callable[[str], tuple[str, ...]]
+
+#: What a batch itself writes at the top of its output folder; sqlite has files beside a database while it is in use.
+OWN_FILES = frozenset(
+    {summary.CSV_NAME, summary.JSON_NAME}
+    | {name + more for name in (ledger.NAME, ledger.LOCK) for more in ("", "-wal", "-shm", "-journal")}
+)
+
+
+def without_repeats(items: list[Item]) -> list[Item]:
+    """The first of those that are the same file and have the same key.
+
+    Raises:
+        UsageError: a later one has settings of its own, which would be lost.
+    """
+    keys: set[str] = set()
+    repeated: set[str] = set()
+    for item in items:
+        (repeated if item.key in keys else keys).add(item.key)
+    if not repeated:
+        return items
+    kept: list[Item] = []
+    first: dict[tuple[str, str], Item] = {}
+    for item in items:
+        if item.key in repeated:
+            earlier = first.setdefault((item.key, os.path.realpath(item.cloud)), item)
+            if earlier is not item:
+                if _has_settings(item) and _settings(item) != _settings(earlier):
+                    raise UsageError(
+                        f"{shown(item.cloud)} is there twice, with different settings",
+                        "run a batch for each, with different -o",
+                    )
+                continue
+        kept.append(item)
+    return kept
+
+
+def _has_settings(item: Item) -> bool:
+    """Whether a list says something of the cloud: any but the YAML file beside it."""
+    config = None if item.config is None else os.path.splitext(item.config)[0]
+    return bool(item.overrides) or item.time is not None or config not in (None, os.path.splitext(item.cloud)[0])
+
+
+def _settings(item: Item) -> tuple[object, ...]:
+    return item.overrides, item.time, item.config and os.path.realpath(item.config)
+
+
+def with_unique_keys(items: Sequence[Item], outputs: Outputs) -> list[Item]:
+    """The items, with the ending kept in the keys of those whose files would collide.
+
+    Raises:
+        UsageError: they collide nevertheless.
+    """
+    settled = list(items)
+    whole: set[int] = set()
+    while longer := _in_need_of_ending(settled, outputs, whole):
+        for i in longer:
+            settled[i] = replace(settled[i], key=settled[i].key + _ending(settled[i]))
+        whole |= longer
+    return settled
+
+
+def _in_need_of_ending(items: Sequence[Item], outputs: Outputs, whole: set[int]) -> set[int]:
+    """Indices of items whose files would collide with something; those in `whole` have their endings already.
+
+    Files collide also where one would have to be a folder: x.json of x.ply with the folder x.json of x.json/y.ply.
+
+    Raises:
+        UsageError: none of those that collide can be given its ending.
+    """
+    members: dict[str, list[int]] = {}
+    for i, item in enumerate(items):
+        members.setdefault(os.path.normcase(item.key.rpartition("/")[0]), []).append(i)
+    # Every folder below the top, with one of the items in it.
+    folders: dict[str, int] = {}
+    for path, inside in members.items():
+        while path and path not in folders:
+            folders[path] = inside[0]
+            path = path.rpartition("/")[0]
+    for name in OWN_FILES & folders.keys():
+        raise _collision(items[folders[name]])
+
+    needing: set[int] = set()
+
+    def collide(i: int, other: int | None = None, *, both: bool = False) -> None:
+        longer = {j for j in (i, other if both else None) if j is not None and j not in whole and _ending(items[j])}
+        if not longer:
+            raise _collision(items[i], None if other is None else items[other])
+        needing.update(longer)
+
+    for path, inside in members.items():
+        owners: dict[str, int] = {}
+        for i in inside:
+            stem = items[i].key.rpartition("/")[2]
+            # Of a folder its name.
+            for name in {os.path.normcase(name.partition("/")[0]) for name in outputs(stem)}:
+                if not path and name.casefold() in OWN_FILES:
+                    collide(i)
+                if (other := owners.setdefault(name, i)) != i:
+                    collide(i, other, both=True)
+                if (folder := f"{path}/{name}" if path else name) in folders:
+                    collide(i, folders[folder])
+    return needing
+
+
+def _ending(item: Item) -> str:
+    return os.path.splitext(item.cloud)[1]
+
+
+def _collision(item: Item, other: Item | None = None) -> UsageError:
+    if other is None:
+        return UsageError(
+            f"the results of {shown(item.cloud)} would overwrite the batch's own files",
+            "rename it, or lay out the results as below a folder higher up with --root",
+        )
+    clouds = [os.path.abspath(cloud) for cloud in (other.cloud, item.cloud)]
+    try:
+        common = os.path.commonpath([os.path.dirname(cloud) for cloud in clouds])
+    except ValueError:  # on different drives
+        hint = "run a batch for each, with different -o"
+    else:
+        hint = f"use --root {shown(common)}: results are laid out as the clouds are below that folder"
+    return UsageError(f"{shown(other.cloud)} and {shown(item.cloud)} would have the same results", hint)
+
+
+def overwritten(items: Sequence[Item], out: str, outputs: Outputs) -> set[int]:
+    """Indices of items whose clouds lie where the results of one of them go."""
+    target = os.path.realpath(out)
+    inside: dict[str, str | None] = {}
+    places: dict[str, int] = {}
+    for i, item in enumerate(items):
+        folder, name = os.path.split(item.cloud)
+        if folder not in inside:
+            inside[folder] = below(os.path.realpath(folder), target)
+        if (path := inside[folder]) is not None:
+            places[f"{path}/{name}" if path else name] = i
+    if not places:
+        return set()
+    found: set[int] = set()
+    for item in items:
+        folder, slash, stem = item.key.rpartition("/")
+        found.update(places[path] for name in outputs(stem) if (path := f"{folder}{slash}{name}") in places)
+    return found

@@ -44,4 +44,6 @@ def start(tag: str, /, **attributes: str | float | Iterable[float]) -> str:
 def _quoted(value: str | float | Iterable[float]) -> str:
     if isinstance(value, str):
         return '"' + html.escape(_FORBIDDEN.sub("\ufffd", value)) + '"'
-    return f'"{numbers(value) if isinstance(value, Iterable) else number(value)}"'
+    # Whether something is iterable takes long to find out.
+    single = isinstance(value, (float, int)) or not isinstance(value, Iterable)
+    return f'"{number(value) if single else numbers(value)}"'

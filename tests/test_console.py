@@ -91,9 +91,9 @@ def test_json_is_that_of_the_standard_library(data) -> None:
     assert json.loads(dump_json(data)) == data
 
 
-def test_json_has_rows_of_numbers_on_a_line_each() -> None:
-    text = dump_json({"points": [[1.5, 2.0], [3.0, 4.0]], "s": [0.0, 1.0], "links": [{"name": "a"}]})
+def test_json_has_an_item_of_a_list_on_a_line() -> None:
+    text = dump_json({"points": [[1.5, 2.0], [3.0, 4.0]], "s": [0.0, 1.0], "links": [{"name": "a", "b": [[1], [2]]}]})
     assert text == (
         '{\n  "points": [\n    [1.5, 2.0],\n    [3.0, 4.0]\n  ],\n  "s": [0.0, 1.0],\n'
-        '  "links": [\n    {\n      "name": "a"\n    }\n  ]\n}\n'
+        '  "links": [\n    {"name": "a", "b": [[1], [2]]}\n  ]\n}\n'
     )

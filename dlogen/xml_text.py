@@ -45,5 +45,6 @@ def _quoted(value: str | float | Iterable[float]) -> str:
     if isinstance(value, str):
         return '"' + html.escape(_FORBIDDEN.sub("\ufffd", value)) + '"'
     # Whether something is iterable takes long to find out.
-    single = isinstance(value, (float, int)) or not isinstance(value, Iterable)
-    return f'"{number(value) if single else numbers(value)}"'
+    if isinstance(value, (float, int)) or not isinstance(value, Iterable):
+        return f'"{number(value)}"'
+    return f'"{numbers(value)}"'

@@ -321,6 +321,24 @@ class Frame:
 
 
 @dataclass(frozen=True, eq=False)
+class Pose:
+    """A pose of the multibody model.
+
+    Attributes:
+        name: of the pose.
+        base_position, base_rotation: (3,) metres, (3, 3): of the first segment's frame in the root frame.
+        values: (n - 1, D) joint values, radians.
+        time: seconds; None outside of recordings.
+    """
+
+    name: str
+    base_position: Array
+    base_rotation: Array
+    values: Array
+    time: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Result:
     """Everything that a fit made.
 
@@ -342,6 +360,7 @@ class Result:
         timings: seconds per stage.
         intermediates: what the stages made of the points, in their order.
         frame: the frame that all of this is in.
+        recorded: poses that the model was seen in, in the order of time, if there are any.
     """
 
     name: str
@@ -361,3 +380,4 @@ class Result:
     timings: dict[str, float]
     intermediates: tuple[Intermediate, ...]
     frame: Frame = field(default_factory=Frame)
+    recorded: tuple[Pose, ...] = ()

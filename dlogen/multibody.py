@@ -21,7 +21,7 @@ import numpy as np
 from dlogen.config import AUTO, JointSettings, Material
 from dlogen.errors import ConfigError
 from dlogen.materials import Properties, properties
-from dlogen.model import Array, Chain
+from dlogen.model import Array, Chain, Pose
 from dlogen.rotations import bend_and_twist_angles, bend_angles, hinges
 
 if TYPE_CHECKING:
@@ -96,12 +96,14 @@ class MultibodyModel:
         root: name of the frame that the base is placed in (`frame.name`).
         tip: name of the frame at the end of the last body.
         floating: whether the first body moves freely in the root frame.
-        base_position, base_rotation: (3,) metres, (3, 3): pose of the first body in the root frame.
+        base_position, base_rotation: (3,) metres, (3, 3): pose of the first body in the root frame. Of a model that
+            was seen in several poses, the root frame itself: there the values of a floating base are the pose.
         bodies: n.
         joints: n - 1.
         dof: hinges in a joint.
         zero, rest: what the settings say: "scan" or "straight".
         material: properties of the whole object.
+        poses: those of a recording, then "scanned" and "straight".
     """
 
     name: str
@@ -116,11 +118,17 @@ class MultibodyModel:
     zero: str
     rest: str
     material: Properties
+    poses: tuple[Pose, ...]
 
     @property
     def hinge_names(self) -> tuple[str, ...]:
         """Of all joints in a row, in the order of the values."""
         return tuple(name for joint in self.joints for name in joint.hinge_names)
+
+    @property
+    def scan(self) -> Pose:
+        """The scanned pose."""
+        return self.poses[-2]
 
     @property
     def scanned(self) -> Array:
@@ -190,12 +198,19 @@ def multibody(result: Result, name: str | None = None) -> MultibodyModel:
         JointSettings(**settings.get("joints", {})),
         Material(**settings.get("material", {})),
         name=name or result.name,
+        recorded=result.recorded,
         root="base_link" if settings.get("frame", {}).get("name", AUTO) == AUTO else result.frame.name,
     )
 
 
 def build_model(
-    chain: Chain, joints: JointSettings, material: Material, *, name: str = "cable", root: str = "base_link"
+    chain: Chain,
+    joints: JointSettings,
+    material: Material,
+    *,
+    name: str = "cable",
+    root: str = "base_link",
+    recorded: tuple[Pose, ...] = (),
 ) -> MultibodyModel:
     """Bodies and joints of a chain (paper Eq. 1-2).
 
@@ -218,6 +233,7 @@ def build_model(
         material: what the object is made of.
         name: of the model.
         root: name of the frame that the chain is given in.
+        recorded: poses of a recording; the limits of the joints allow them.
 
     Raises:
         ConfigError: the settings do not fit the chain.
@@ -256,8 +272,9 @@ def build_model(
         if bend_limit is not None and bend_limit < 0.5 * math.pi:
             # Beyond, the hinge about y may turn by more than the bend.
             reach[:2], middle[:2] = bend_limit, straight[:2]
-        # Rounding must not put the scanned pose outside.
-        lower, upper = np.minimum(middle - reach, scanned), np.maximum(middle + reach, scanned)
+        # Neither rounding nor a recording must put a pose outside that was seen.
+        seen = np.array([scanned, *(pose.values[i] for pose in recorded)])
+        lower, upper = np.minimum(middle - reach, seen.min(axis=0)), np.maximum(middle + reach, seen.max(axis=0))
         span = _span(lengths, i)
         made.append(
             Joint(
@@ -279,19 +296,25 @@ def build_model(
         )
     half = np.concatenate([[0.0], 0.5 * bends, [0.0]])
     bodies = [_body(names[i], lengths[i], props, float(half[i]), float(half[i + 1])) for i in range(count)]
+    base = chain.joints[0], rotations[0]
+    own = [
+        Pose(pose, *base, np.array([getattr(joint, pose) for joint in made]).reshape(len(made), joints.dof))
+        for pose in ("scanned", "straight")
+    ]
     return MultibodyModel(
         name=name,
         root=root,
         tip="tip",
         floating=joints.base == "floating",
-        base_position=chain.joints[0],
-        base_rotation=rotations[0],
+        base_position=np.zeros(3) if recorded else base[0],
+        base_rotation=np.eye(3) if recorded else base[1],
         bodies=tuple(bodies),
         joints=tuple(made),
         dof=joints.dof,
         zero=joints.zero,
         rest=joints.rest,
         material=props,
+        poses=(*recorded, *own),
     )
 
 

@@ -7,7 +7,8 @@ The last segment may be very short. MuJoCo stops at accelerations beyond 1e10 ra
 in a bent pose, a tip of a millimetre is faster than that. So the hinges of the last segment have an armature where it
 is needed to make it as inert as half of the segment before. Poses and forces at rest stay as they are.
 
-Keyframes are `scanned` and `straight`. Without one, MuJoCo starts in the zero pose of the settings.
+Keyframes are the frames of a recording, if there is one, then `scanned` and `straight`. Without one, MuJoCo starts in
+the zero pose of the settings.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from dlogen.formats import ModelFormat
 from dlogen.xml_text import HEADER, element, numbers, start
 
 if TYPE_CHECKING:
-    from dlogen.model import Array, Result
+    from dlogen.model import Pose, Result
     from dlogen.multibody import Body, Joint, MultibodyModel
 
 #: A chain nests bodies, and the XML reader of MuJoCo stops at 500 levels (measured with 4.0).
@@ -83,8 +84,7 @@ def mjcf(model: MultibodyModel) -> str:
             ),
             "  </contact>",
             "  <keyframe>",
-            "    " + element("key", name="scanned", qpos=_qpos(model, model.scanned)),
-            "    " + element("key", name="straight", qpos=_qpos(model, model.straight)),
+            *("    " + _key(model, pose) for pose in model.poses),
             "  </keyframe>",
             "</mujoco>\n",
         ]
@@ -156,11 +156,12 @@ def _armature(model: MultibodyModel) -> tuple[float, float]:
     return max(0.0, across - own), max(0.0, _LEAST_INERT * before.axial_inertia - last.axial_inertia)
 
 
-def _qpos(model: MultibodyModel, values: Array) -> str:
+def _key(model: MultibodyModel, pose: Pose) -> str:
     from dlogen.rotations import quaternion
 
-    base = (*model.base_position, *quaternion(model.base_rotation)) if model.floating else ()
-    return numbers((*base, *values.ravel()))
+    base = (*pose.base_position, *quaternion(pose.base_rotation)) if model.floating else ()
+    time = {} if pose.time is None else {"time": pose.time}
+    return element("key", name=pose.name, **time, qpos=numbers((*base, *pose.values.ravel())))
 
 
 FORMAT = ModelFormat(

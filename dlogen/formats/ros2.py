@@ -78,7 +78,7 @@ def _base_publisher(model: MultibodyModel) -> str:
     from dlogen.rotations import quaternion
     from dlogen.xml_text import number
 
-    values = [*model.base_position, *quaternion(model.base_rotation)]
+    values = [*model.scan.base_position, *quaternion(model.scan.base_rotation)]
     names = ("x", "y", "z", "qw", "qx", "qy", "qz")
     pairs = [(f"--{name}", number(value)) for name, value in zip(names, values, strict=True)]
     pairs += [("--frame-id", model.root), ("--child-frame-id", model.bodies[0].name)]

@@ -1,0 +1,230 @@
+"""One model for all frames: which frames to believe, what they have in common, and a chain of rigid links for each."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlogen.config import AUTO, Segmentation
+from dlogen.errors import FitError
+from dlogen.model import Array, BoolArray
+from dlogen.sequence.links import Shape, deviations, equal_links, fewest_links, fit_links, links_of_length
+from dlogen.sequence.observed import Aside, Observed, Sizes, common_sizes, set_aside
+from dlogen.sequence.pose import filled_in
+from dlogen.sequence.track import directions, misfits
+from dlogen.stages.curvature import max_segment_length
+
+#: More links than any simulator takes.
+_MOST_LINKS = 2000
+
+#: Points of a curve by which it is compared with others.
+_COMPARED = 16
+
+#: Bends are measured over this many of the thousand points of a curve, to either side.
+_STENCIL = 10
+
+
+@dataclass(frozen=True)
+class Bend:
+    """The tightest bend of a recording: its radius in metres, the frame and the place in [0, 1]."""
+
+    radius: float
+    frame: int
+    s: float
+
+
+@dataclass(frozen=True, eq=False)
+class Common:
+    """One object in several frames.
+
+    Attributes:
+        observed: F frames as their own fits have them.
+        asides: (F) why a frame is set aside; None for good ones.
+        sizes: what the good frames have in common.
+        criterion: what decided on the links: "fewest", "paper", "segments", "segment_length" or "bend_radius".
+        e_max: largest deviation allowed, metres.
+        links: (n,) link lengths, metres.
+        reverse: (F,) whether the frame's own curve runs the other way.
+        joints: (F, n + 1, 3) metres; NaN for frames that have no chain.
+        deviation: (F,) largest distance between a frame's curve and its chain, metres; NaN where it is set aside.
+        bend: the tightest one of the good frames.
+        reference: the good frame that is bent the least at its joints.
+    """
+
+    observed: tuple[Observed, ...]
+    asides: tuple[Aside | None, ...]
+    sizes: Sizes
+    criterion: str
+    e_max: float
+    links: Array
+    reverse: BoolArray
+    joints: Array
+    deviation: Array
+    bend: Bend
+    reference: int
+
+    @property
+    def good(self) -> BoolArray:
+        """(F,) frames that are not set aside."""
+        return np.array([aside is None for aside in self.asides])
+
+
+def common_model(
+    observed: Sequence[Observed],
+    times: Array | None = None,
+    *,
+    segmentation: Segmentation | None = None,
+    e_max: float | None = None,
+) -> Common:
+    """The model that all frames share, and its chain in each.
+
+    Args:
+        observed: the frames; in the order of time, if there is one.
+        times: (F,) seconds, increasing. With them, the same end is first in all frames by their motion, frames that do
+            not fit between their neighbours are set aside, and frames that are set aside get a chain from those
+            around them. Without, directions are those in which the ends are nearest to those of the first good frame.
+        segmentation: how long the links are; see `dlogen.config`. Joints are material points beside the curve,
+            whatever its `placement`.
+        e_max: largest distance allowed between the curve of a good frame and its chain, metres; half of the radius by
+            default.
+
+    Raises:
+        FitError: no frame can be believed, or there would be more than 2000 links.
+    """
+    asides = [
+        Aside("doubtful" if item.points is not None else "failed", item.problem) if item.problem else None
+        for item in observed
+    ]
+    sizes = common_sizes(observed, _good(asides, observed))
+    for k, item in enumerate(observed):
+        asides[k] = asides[k] or set_aside(item, sizes)
+    used = np.flatnonzero(_good(asides, observed))
+    shape = _shape([observed[k] for k in used], sizes.length.value)
+    compared = shape.points(np.linspace(0.0, sizes.length.value, _COMPARED))
+    if times is None:
+        reverse = _nearest_ends(compared)
+    else:
+        reverse, kept = directions(compared, times[used], sizes.radius.value)
+        compared[reverse] = compared[reverse][:, ::-1]
+        off, allowed = misfits(compared, times[used], kept, sizes.radius.value)
+        for k, distance, most in zip(used, off, allowed, strict=True):
+            if distance > most:
+                asides[k] = Aside(
+                    "motion",
+                    f"{1e3 * distance:.3g} mm from where its neighbours in time say (allowed {1e3 * most:.2g})",
+                )
+    sizes = common_sizes(observed, _good(asides, observed))
+    all_reverse = np.zeros(len(observed), dtype=bool)
+    all_reverse[used] = reverse
+    good = np.flatnonzero(_good(asides, observed))
+    shape = _shape([observed[k] for k in good], sizes.length.value, all_reverse[good])
+
+    e_max = 0.5 * sizes.radius.value if e_max is None else e_max
+    radius, which, s = _tightest(shape)
+    criterion, links = _links(shape, e_max, radius, segmentation or Segmentation())
+    fitted = fit_links(shape, links)
+    joints = np.full((len(observed), len(links) + 1, 3), np.nan)
+    joints[good] = fitted
+    deviation = np.full(len(observed), np.nan)
+    deviation[good] = deviations(shape, fitted, links)
+    if times is not None:
+        joints = filled_in(joints, links, times, _good(asides, observed))
+    edges = np.diff(fitted, axis=1) / links[:, None]
+    bends = 1.0 - np.einsum("fcx,fcx->fc", edges[:, 1:], edges[:, :-1])
+    return Common(
+        observed=tuple(observed),
+        asides=tuple(asides),
+        sizes=sizes,
+        criterion=criterion,
+        e_max=e_max,
+        links=links,
+        reverse=all_reverse,
+        joints=joints,
+        deviation=deviation,
+        bend=Bend(radius, int(good[which]), s),
+        reference=int(good[np.argmin(bends.max(axis=1, initial=0.0))]),
+    )
+
+
+def _good(asides: Sequence[Aside | None], observed: Sequence[Observed]) -> BoolArray:
+    """(F,) which frames are not set aside.
+
+    Raises:
+        FitError: all are.
+    """
+    good = np.array([aside is None for aside in asides])
+    if not good.any():
+        counts = Counter(aside.code for aside in asides if aside is not None)
+        said = ", ".join(f"{count} {code}" for code, count in counts.most_common())
+        first = next((f"{item.name}: {item.problem}" for item in observed if item.problem), "")
+        raise FitError(
+            f"no frame can be believed: {said or 'there is none'}" + (f"; {first}" if first else ""),
+            "try dlogen fit on one of them; --keep-doubtful goes by doubtful frames as well",
+            stage="sequence",
+        )
+    return good
+
+
+def _shape(observed: Sequence[Observed], length: float, reverse: BoolArray | None = None) -> Shape:
+    """Curves, each with half of what it lacks in length at either end."""
+    curves = np.array([item.points for item in observed])
+    if reverse is not None:
+        curves[reverse] = curves[reverse][:, ::-1]
+    lengths = np.array([item.length for item in observed])
+    return Shape(curves, lengths, length, 0.5 * (length - lengths))
+
+
+def _nearest_ends(curves: Array) -> BoolArray:
+    """Which curves to reverse so that their ends are nearest to those of the first: (F, P, 3) -> (F,)."""
+    first = curves[0, [0, -1]]
+    same, other = (np.linalg.norm(curves[:, ends] - first, axis=2).sum(axis=1) for ends in ([0, -1], [-1, 0]))
+    result: BoolArray = other < same
+    return result
+
+
+def _tightest(shape: Shape) -> tuple[float, int, float]:
+    """Smallest radius of curvature in all curves, the curve and where on the object."""
+    curves, last = shape.curves, shape.curves.shape[1] - 1
+    reach = min(_STENCIL, last // 2)
+    bent = curves[:, 2 * reach :] - 2.0 * curves[:, reach:-reach] + curves[:, : -2 * reach]
+    curvature = np.linalg.norm(bent, axis=2) / (reach * shape.lengths[:, None] / last) ** 2
+    which, i = (int(index) for index in np.unravel_index(np.argmax(curvature), curvature.shape))
+    most = float(curvature[which, i])
+    s = (shape.start[which] + shape.lengths[which] * (i + reach) / last) / shape.length
+    return (1.0 / most if most > 0.0 else np.inf), which, float(s)
+
+
+def _links(shape: Shape, e_max: float, radius: float, wish: Segmentation) -> tuple[str, Array]:
+    """What decides on the links, and their lengths.
+
+    Raises:
+        FitError: there would be too many.
+    """
+    length = shape.length
+    known = [1.0 / wish.curvature_max] if wish.curvature_max != AUTO else []
+    known += [wish.min_bend_radius] if wish.min_bend_radius != AUTO else []
+    if wish.segments != AUTO:
+        return "segments", equal_links(length, wish.segments)
+    if wish.segment_length != AUTO:
+        criterion, link = "segment_length", wish.segment_length
+    elif known:
+        criterion, link = "bend_radius", max_segment_length(e_max, known[0])
+    elif wish.criterion == "paper":
+        criterion, link = "paper", max_segment_length(e_max, radius)
+    else:
+        count = fewest_links(shape, e_max, _MOST_LINKS)
+        if count is not None:
+            return "fewest", equal_links(length, count)
+        criterion, link = "fewest", 0.0
+    if link * _MOST_LINKS < length:
+        raise FitError(
+            f"e_max = {e_max:g} m takes more than {_MOST_LINKS} segments"
+            if criterion != "segment_length"
+            else f"segments of {link:g} m are more than {_MOST_LINKS} of them",
+            "raise e_max" if criterion != "segment_length" else "raise segmentation.segment_length",
+            stage="sequence",
+        )
+    return criterion, links_of_length(length, min(link, length))

@@ -1,0 +1,123 @@
+"""What the single fits say about the object, and which of them not to believe."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlogen.model import Array, BoolArray
+
+#: A frame is set aside when it is off the median by more than this many robust standard deviations.
+_SIGMAS = 6.0
+
+#: Median absolute deviation to standard deviation, for a normal distribution.
+_MAD = 1.4826
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """A frame as its own fit has it.
+
+    Attributes:
+        name: of the frame.
+        points: (K, 3) its skeleton line, even in arc length, metres; None where the fit failed.
+        length, radius: metres.
+        residual: RMS distance of the points to the tube, metres.
+        problem: why the frame cannot be believed: the error of its fit, or its verdict; None where it is good.
+    """
+
+    name: str
+    points: Array | None
+    length: float = np.nan
+    radius: float = np.nan
+    residual: float = np.nan
+    problem: str | None = None
+
+
+@dataclass(frozen=True)
+class Aside:
+    """Why a frame is set aside.
+
+    Attributes:
+        code: "failed", "doubtful", "length", "radius", "noise" or "motion".
+        message: one sentence, with figures.
+    """
+
+    code: str
+    message: str
+
+
+@dataclass(frozen=True)
+class Size:
+    """A quantity over the recording.
+
+    Attributes:
+        value: median over the frames that are believed.
+        allowed: largest distance to it.
+        spread: robust standard deviation.
+    """
+
+    value: float
+    allowed: float
+    spread: float
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """What the frames have in common: length, radius and RMS residual, metres."""
+
+    length: Size
+    radius: Size
+    residual: Size
+
+
+def common_sizes(observed: Sequence[Observed], use: BoolArray) -> Sizes:
+    """Medians over the frames in use, and how far from them a frame may be.
+
+    A frame may always be off by what does no harm, and never by so much that it is another object: its length by 1 %,
+    or the radius if that is more, and at most by 10 %; its radius by 10 % and at most by half. Residuals are bounded
+    above only, by twice the median or a tenth of the radius.
+
+    Args:
+        observed: F frames.
+        use: (F,) frames to go by, one at least.
+    """
+    lengths, radii, residuals = (
+        np.array([getattr(observed[k], name) for k in np.flatnonzero(use)]) for name in ("length", "radius", "residual")
+    )
+    length, radius = float(np.median(lengths)), float(np.median(radii))
+    residual = float(np.median(residuals))
+    return Sizes(
+        _size(lengths, max(radius, 0.01 * length), 0.1 * length),
+        _size(radii, 0.1 * radius, 0.5 * radius),
+        _size(residuals, max(residual, 0.1 * radius), np.inf),
+    )
+
+
+def _size(values: Array, least: float, most: float) -> Size:
+    middle = float(np.median(values))
+    spread = _MAD * float(np.median(np.abs(values - middle)))
+    return Size(middle, min(max(_SIGMAS * spread, least), most), spread)
+
+
+def set_aside(observed: Observed, sizes: Sizes) -> Aside | None:
+    """Why not to believe a frame that has a curve and a good verdict, going by the sizes alone."""
+    for code, what, size, value in (
+        ("length", "long", sizes.length, observed.length),
+        ("radius", "in radius", sizes.radius, observed.radius),
+    ):
+        if abs(value - size.value) > size.allowed:
+            return Aside(
+                code,
+                f"{1e3 * value:.4g} mm {what}, the recording {1e3 * size.value:.4g} "
+                f"(allowed +-{1e3 * size.allowed:.2g})",
+            )
+    if observed.residual > sizes.residual.value + sizes.residual.allowed:
+        return Aside(
+            "noise",
+            f"its points scatter by {1e3 * observed.residual:.2g} mm, in the recording by "
+            f"{1e3 * sizes.residual.value:.2g} (allowed {1e3 * (sizes.residual.value + sizes.residual.allowed):.2g})",
+        )
+    return None

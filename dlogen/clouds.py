@@ -285,7 +285,7 @@ def _as_file(path: str | Path) -> Iterator[Path]:
     if str(path) != "-":
         mode = Path(path).stat().st_mode
         if stat.S_ISDIR(mode):
-            raise InputError("this is a folder", "name a file in it, or run: dlogen batch FOLDER")
+            raise InputError("this is a folder", "name a file in it, or run: dlogen batch FOLDER -o DIR")
         if stat.S_ISREG(mode):
             yield Path(path)
             return

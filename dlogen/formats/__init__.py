@@ -78,16 +78,19 @@ def registered() -> tuple[CloudFormat | ModelFormat, ...]:
     return tuple(sorted(found, key=lambda item: item.name))
 
 
+@cache
 def cloud_formats() -> tuple[CloudFormat, ...]:
     """The formats that clouds can be read from and written to."""
     return tuple(item for item in registered() if isinstance(item, CloudFormat))
 
 
+@cache
 def model_formats() -> tuple[ModelFormat, ...]:
     """The formats that models can be written to."""
     return tuple(item for item in registered() if isinstance(item, ModelFormat))
 
 
+@cache
 def model_format(name: str) -> ModelFormat:
     """The model format of that name.
 

@@ -95,14 +95,14 @@ def _in_need_of_ending(items: Sequence[Item], outputs: Outputs, whole: set[int])
             folders[path] = inside[0]
             path = path.rpartition("/")[0]
     for name in OWN_FILES & folders.keys():
-        raise _collision(items[folders[name]])
+        raise _own_collision(items[folders[name]])
 
     needing: set[int] = set()
 
     def collide(i: int, other: int | None = None, *, both: bool = False) -> None:
         longer = {j for j in (i, other if both else None) if j is not None and j not in whole and _ending(items[j])}
         if not longer:
-            raise _collision(items[i], None if other is None else items[other])
+            raise _own_collision(items[i]) if other is None else _collision(items, i, other)
         needing.update(longer)
 
     for path, inside in members.items():
@@ -124,20 +124,22 @@ def _ending(item: Item) -> str:
     return os.path.splitext(item.cloud)[1]
 
 
-def _collision(item: Item, other: Item | None = None) -> UsageError:
-    if other is None:
-        return UsageError(
-            f"the results of {shown(item.cloud)} would overwrite the batch's own files",
-            "rename it, or lay out the results as below a folder higher up with --root",
-        )
-    clouds = [os.path.abspath(cloud) for cloud in (other.cloud, item.cloud)]
+def _own_collision(item: Item) -> UsageError:
+    return UsageError(
+        f"the results of {shown(item.cloud)} would overwrite the batch's own files",
+        "rename it, or lay out the results as below a folder higher up with --root",
+    )
+
+
+def _collision(items: Sequence[Item], i: int, other: int) -> UsageError:
+    folders = {os.path.dirname(item.cloud) for item in items}
     try:
-        common = os.path.commonpath([os.path.dirname(cloud) for cloud in clouds])
+        common = os.path.commonpath([os.path.abspath(folder) for folder in folders])
     except ValueError:  # on different drives
         hint = "run a batch for each, with different -o"
     else:
         hint = f"use --root {shown(common)}: results are laid out as the clouds are below that folder"
-    return UsageError(f"{shown(other.cloud)} and {shown(item.cloud)} would have the same results", hint)
+    return UsageError(f"{shown(items[other].cloud)} and {shown(items[i].cloud)} would have the same results", hint)
 
 
 def overwritten(items: Sequence[Item], out: str, outputs: Outputs) -> set[int]:

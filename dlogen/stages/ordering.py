@@ -42,6 +42,11 @@ _LINE_SHARE = 0.35
 _SHORTEST_LINE = 6.0
 #: What is left over and comes nearer to the line than this, in radii, is a branch of it.
 _BRANCH = 5.0
+#: What is left over is something if it is so long, in radii and as a share of the line; if its points are as dense as
+#: those of the line, so many radii are enough, for these are no strays.
+_LEFT_OVER, _LEFT_OVER_SHARE, _DENSE_LEFT_OVER = 4.0, 0.02, 3.0
+#: Density over the least one of the line from which on points count as dense.
+_DENSE = 0.5
 #: Shares of the length: up to the one a gap is bridged without doubt, beyond the other it makes two objects.
 _SMALL_GAP, _LARGE_GAP = 0.05, 0.3
 #: The most points that are taken for beads on a string.
@@ -109,10 +114,18 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
     if not scale.resolved and len(points) <= _BEADS:
         return _beads(points, radius)
     r = radius or scale.radius
-    if scale.line_share < 0.2 or not np.isfinite(scale.per_radius):
+    # Where strands lie close together, no neighbourhood is longer than wide; with a known radius that does not matter.
+    if radius is None and (scale.line_share < 0.2 or not np.isfinite(scale.per_radius)):
         raise FitError(
-            "the cloud is not that of a line: nowhere is it longer than wide",
-            "leave only the object in the cloud: remove table, background and fixtures",
+            "the cloud is not that of a line: nowhere is it clearly longer than wide",
+            "leave only the object in the cloud: remove table, background and fixtures; "
+            "where strands of it lie close together, give r",
+            stage="ordering",
+        )
+    if not scale.per_radius > 0.0:
+        raise FitError(
+            "the points have no width: they lie on a line, not on the surface of an object",
+            "for points on the centre line set profile to paper, projection.enabled to false, and give r",
             stage="ordering",
         )
     # Many points for each radius of length don't make the order surer.
@@ -132,7 +145,9 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
     found = trace_pieces(nodes, r, per_radius)
     if not found:
         raise FitError(
-            "no stretch of a line was found in the cloud", "check the radius and the units", stage="ordering"
+            "no stretch of a line was found in the cloud",
+            f"the radius was taken to be {_millimetres(r)}: give r if it is not, and check units",
+            stage="ordering",
         )
     if radius is not None or scale.radius_reliable:
         found = [replace(piece, points=recentre(piece.points, sample, tree, r, per_radius)) for piece in found]
@@ -144,7 +159,7 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
     line = longest.canonical()
     near = _around(sample[:: -(-len(sample) // _LOOKED_AT)], line.points, r, scale.noise)
     findings = [
-        *_about_cloud(scale, per_radius, near, line, r),
+        *_about_cloud(scale, radius is None, per_radius, near, line, r),
         *_about_rest(others, line, r, origin),
         *_about_ends(line, r, origin),
     ]
@@ -286,10 +301,13 @@ def _millimetres(value: float) -> str:
     return f"{1000 * value:.3g} mm"
 
 
-def _about_cloud(scale: Scale, per_radius: float, near: BoolArray, line: _Line, r: float) -> list[Finding]:
+def _about_cloud(
+    scale: Scale, estimated: bool, per_radius: float, near: BoolArray, line: _Line, r: float
+) -> list[Finding]:
+    """What the cloud as a whole says; `estimated`: the radius is not a given one."""
     findings = []
     stray = 1.0 - float(near.mean())
-    if scale.line_share < _LINE_SHARE:
+    if estimated and scale.line_share < _LINE_SHARE:
         message = "the cloud is longer than wide in few places only: it is not that of a line alone"
         findings.append(Finding("not-a-line", message, "bad"))
     elif stray > 0.4:
@@ -301,8 +319,8 @@ def _about_cloud(scale: Scale, per_radius: float, near: BoolArray, line: _Line, 
     if line.length < _SHORTEST_LINE * r:
         message = f"the object is only {line.length / (2 * r):.1f} diameters long: it is hardly a line"
         findings.append(Finding("not-a-line", message, "bad"))
-    if not scale.round:
-        message = "the cross-sections are not round: strands may lie side by side"
+    if estimated and not scale.round:
+        message = "the cross-sections are not round: strands may lie side by side; give r to tell them apart"
         findings.append(Finding("side-by-side", message, "doubtful"))
     if per_radius < 1.5:
         message = f"only {per_radius:.1f} points for each radius of length: the order is uncertain"
@@ -313,8 +331,10 @@ def _about_cloud(scale: Scale, per_radius: float, near: BoolArray, line: _Line, 
 def _about_rest(others: list[_Line], line: _Line, r: float, origin: Array) -> list[Finding]:
     """Chains that are not part of the line."""
     findings = []
+    thinnest = float(np.min(line.densities))
     for other in others:
-        if other.length < max(4.0 * r, 0.02 * line.length):
+        dense = float(np.mean(other.densities)) > _DENSE * thinnest
+        if other.length < (_DENSE_LEFT_OVER * r if dense else max(_LEFT_OVER * r, _LEFT_OVER_SHARE * line.length)):
             continue
         distance, index = cKDTree(line.points).query(other.points)
         nearest = int(np.argmin(distance))

@@ -158,9 +158,8 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
     line_share = float(found.width.size / len(places))
     if not found.width.size:
         size = float(np.sqrt((sample**2).sum(axis=1).mean()))
-        return Scale(
-            spacing, radius or size, radius is not None, float("nan"), 1.0, line_share, float("nan"), True, True
-        )
+        per_radius = float("nan") if radius is None else _expected_per_radius(radius, spacing)
+        return Scale(spacing, radius or size, radius is not None, float("nan"), 1.0, line_share, per_radius, True, True)
 
     resolved = len(sample) >= _ENOUGH and float(found.resolved.mean()) > 0.5
     guess = radius or float(np.median(found.width))
@@ -179,6 +178,8 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
     good = fit.good
     per_radius = float(np.median(fit.per_length)) * guess * len(points) / len(thinned)
     if good.sum() < max(3, 0.2 * len(good)):
+        if radius is not None:
+            per_radius = _expected_per_radius(radius, spacing)
         return Scale(spacing, guess, radius is not None, float("nan"), 1.0, line_share, per_radius, resolved, True)
     noise = float(np.median(fit.noise[good]))
     estimate = float(np.median(fit.radius[good]))
@@ -206,6 +207,18 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
         resolved,
         circular,
     )
+
+
+def _expected_per_radius(radius: float, spacing: float) -> float:
+    """Points on a radius of length of a tube that is seen from all sides.
+
+    The median distance of random points on a surface to their nearest neighbours is sqrt(ln 2 / (pi density)).
+
+    Args:
+        radius: of the tube, metres.
+        spacing: median distance to the nearest neighbour, metres.
+    """
+    return 2.0 * float(np.log(2.0)) * (radius / max(spacing, 1e-6 * radius)) ** 2
 
 
 @dataclass(frozen=True)

@@ -332,6 +332,44 @@ def test_backbone_is_about_evenly_spaced():
     assert (steps < 2.0 * found.radius).all()
 
 
+def _coil(pitch, seed):
+    angle = np.linspace(0.0, 10.0 * np.pi, 1200)
+    turns = from_points(np.c_[0.06 * np.cos(angle), 0.06 * np.sin(angle), pitch * angle / (2.0 * np.pi)])
+    return sample_tube(turns, 0.01, 6000, seed)
+
+
+def test_close_turns_of_a_coil_with_a_given_radius():
+    # Neighbourhoods in it are not longer than wide; that is no reason to refuse it where the radius is known.
+    cloud = _coil(0.035, 5)
+    found = order(cloud.points, 0.01)
+    _assert_right(found, cloud, off=0.4)
+    assert _codes(found, "bad", "doubtful") == []
+
+
+def test_close_turns_without_a_radius_are_refused_with_a_hint():
+    with pytest.raises(FitError, match="longer than wide") as refused:
+        order(_coil(0.028, 5).points)
+    assert "give r" in refused.value.hint
+
+
+@pytest.mark.parametrize("length", [0.08, 0.12])
+def test_short_branches_of_a_long_line(length):
+    line = _line(8, 6.0, 0.2)
+    cloud = sample_tube(line, 0.01, 24000, 8)
+    root, tangent = line([0.4])[0], line.tangents([0.4])[0]
+    across = np.cross(tangent, [0.0, 0.0, 1.0])
+    across /= np.linalg.norm(across)
+    twig = from_points(root + np.linspace(0.0, length, 20)[:, None] * across)
+    found = order(np.concatenate([cloud.points, sample_tube(twig, 0.01, int(4000 * length), 9).points]))
+    assert "branch" in _codes(found, "bad")
+
+
+def test_points_on_the_axis_have_no_radius():
+    line = _line(3)
+    with pytest.raises(FitError, match="no width"):
+        order(line.points(1000))
+
+
 def test_a_short_stub_is_no_line():
     cloud = sample_tube(from_points(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.08]])), 0.02, 3000, 1)
     try:

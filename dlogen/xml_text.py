@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import re
 from collections.abc import Iterable
+from functools import lru_cache
 
 #: Characters that XML 1.0 cannot hold, not even escaped: control characters, and what file names that are no Unicode
 #: turn into.
@@ -43,8 +44,14 @@ def start(tag: str, /, **attributes: str | float | Iterable[float]) -> str:
 
 def _quoted(value: str | float | Iterable[float]) -> str:
     if isinstance(value, str):
-        return '"' + html.escape(_FORBIDDEN.sub("\ufffd", value)) + '"'
+        return _escaped(value)
     # Whether something is iterable takes long to find out.
     if isinstance(value, (float, int)) or not isinstance(value, Iterable):
         return f'"{number(value)}"'
     return f'"{numbers(value)}"'
+
+
+# Names of links and joints come several times each.
+@lru_cache(maxsize=4096)
+def _escaped(text: str) -> str:
+    return '"' + html.escape(_FORBIDDEN.sub("\ufffd", text)) + '"'

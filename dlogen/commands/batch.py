@@ -64,6 +64,11 @@ class _Size(click.ParamType):
     "--timeout", type=click.FloatRange(0.0, min_open=True), metavar="SECONDS", help="Time that a cloud may take."
 )
 @click.option("--memory", type=_Size(), metavar="SIZE", help="Memory that a cloud may take, such as 2G.")
+@click.option("--scheduler", metavar="ADDRESS", help="Let a Dask cluster do the work (needs dlogen[distributed]).")
+@click.option(
+    "--scheduler-file", metavar="FILE", help="As --scheduler, with the address from the scheduler's own file."
+)
+@click.option("--ship", is_flag=True, help="Send clouds and results: the cluster does not see the files here.")
 @click.option("--retry", is_flag=True, help="Do clouds again that failed before.")
 @click.option("--force", is_flag=True, help="Do all clouds again, and overwrite files of others.")
 @click.option(
@@ -88,6 +93,9 @@ def command(
     own_configs: bool,
     timeout: float | None,
     memory: int | None,
+    scheduler: str | None,
+    scheduler_file: str | None,
+    ship: bool,
     retry: bool,
     force: bool,
     limits: tuple[str, ...],
@@ -107,7 +115,7 @@ def command(
     from dlogen.batch.follow import follow
     from dlogen.batch.inputs import find_items
     from dlogen.batch.ledger import Ledger
-    from dlogen.batch.pool import LocalPool
+    from dlogen.batch.pool import LocalPool, Pool
     from dlogen.batch.run import Batch, Settings
     from dlogen.batch.work import Plan
     from dlogen.batch.worker import can_limit_memory
@@ -120,19 +128,48 @@ def command(
     given = (*overrides, *([f"profile={profile}"] if profile else []))
     # What is wrong for all clouds is said once.
     load_config(config_path, given)
-    if memory is not None and not can_limit_memory():
+    address = _scheduler(scheduler, scheduler_file, jobs, ship, console)
+    if memory is not None and address is None and not can_limit_memory():
         raise UsageError("--memory needs Linux", "leave it away, and use fewer --jobs")
     out = Path(folder)
     items = find_items(inputs, out=out, root=root, own_configs=own_configs, outputs=outputs.files)
-    plan = Plan(str(out), load_config(config_path), given, outputs)
+    plan = Plan(None if ship else str(out), load_config(config_path), given, outputs)
 
     ledger = Ledger(out)
     try:
-        batch = Batch(items, out, plan, ledger, Settings(force, retry))
-        pool = LocalPool(plan, min(jobs or _cores(), max(1, len(batch.todo))), timeout=timeout, memory=memory)
+        batch = Batch(items, out, plan, ledger, Settings(force, retry, ship))
+        total = max(1, len(batch.todo))
+        pool: Pool
+        if address is None:
+            pool = LocalPool(plan, min(jobs or _cores(), total), timeout=timeout, memory=memory)
+        else:
+            from dlogen.batch.cluster import DaskPool
+
+            pool = DaskPool(plan, address, total, timeout=timeout, memory=memory, say=console.info)
         follow(batch, pool, console, thresholds=thresholds, strict=strict, as_json=as_json)
     finally:
         ledger.close()
+
+
+def _scheduler(address: str | None, file: str | None, jobs: int | None, ship: bool, console: Console) -> str | None:
+    """Address of a Dask scheduler, if the user wants one; Dask is imported only then."""
+    from dlogen.errors import UsageError
+
+    if address is None and file is None:
+        if ship:
+            raise UsageError("--ship is for clusters", "give their --scheduler as well")
+        return None
+    if address is not None and file is not None:
+        raise UsageError("--scheduler and --scheduler-file contradict each other", "keep one of them")
+    if jobs is not None:
+        raise UsageError(
+            "--jobs is for this machine, not for a cluster",
+            "leave it away: the Dask workers have their own number of threads",
+        )
+    from dlogen.batch.cluster import prepare_dask, scheduler_of
+
+    prepare_dask(verbose=console.level > 0)
+    return address or scheduler_of(file or "")
 
 
 def _cores() -> int:

@@ -8,6 +8,7 @@ import os
 import tempfile
 import time
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,17 +37,14 @@ class Plan:
     overrides: tuple[str, ...] = ()
     outputs: Outputs = field(default_factory=Outputs)
 
+    @cached_property
+    def _common_digest(self) -> str:
+        said = [__version__, self.config.to_dict(), self.overrides, self.outputs.formats, self.outputs.plot]
+        return hashlib.sha256(json.dumps(said).encode()).hexdigest()
+
     def digest(self, task: Task) -> str:
         """SHA-256 of all that decides on the results but the cloud itself: settings, wanted files, version."""
-        said = [
-            __version__,
-            self.config.to_dict(),
-            task.config_text,
-            task.overrides,
-            self.overrides,
-            self.outputs.formats,
-            self.outputs.plot,
-        ]
+        said = [self._common_digest, task.config_text, task.overrides]
         return hashlib.sha256(json.dumps(said).encode()).hexdigest()
 
 

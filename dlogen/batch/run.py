@@ -60,7 +60,8 @@ class Batch:
         self.settings = settings or Settings()
         before = {row.key: row for row in ledger.rows()}
         self._remove_unfinished(before)
-        self._known = before.keys()
+        # Their files are ours.
+        self._known = {key for key, row in before.items() if row.code != "output"}
         self.kept: list[Row] = []
         self.todo: list[Item] = []
         for item in items:

@@ -126,14 +126,15 @@ def command(
     thresholds = [Threshold.parse(text) for text in limits]
     outputs = Outputs.parse(formats, plot)
     given = (*overrides, *([f"profile={profile}"] if profile else []))
+    config = load_config(config_path)
     # What is wrong for all clouds is said once.
-    load_config(config_path, given)
+    load_config(None, given, base=config)
     address = _scheduler(scheduler, scheduler_file, jobs, ship, console)
     if memory is not None and address is None and not can_limit_memory():
         raise UsageError("--memory needs Linux", "leave it away, and use fewer --jobs")
     out = Path(folder)
     items = find_items(inputs, out=out, root=root, own_configs=own_configs, outputs=outputs.files)
-    plan = Plan(None if ship else str(out), load_config(config_path), given, outputs)
+    plan = Plan(None if ship else str(out), config, given, outputs)
 
     ledger = Ledger(out)
     try:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from dlogen.batch import ledger
-from dlogen.batch.keys import Outputs, overwritten, with_unique_keys, without_repeats
+from dlogen.batch.keys import FileNames, overwritten, with_unique_keys, without_repeats
 from dlogen.batch.lists import NO_SETTINGS, Row, Settings, read_lines, read_table
 from dlogen.batch.paths import below, key_as_named, nearest, opened, shown
 from dlogen.batch.search import CONFIG_ENDINGS, Parts, Search, is_glob, split_glob
@@ -48,7 +48,7 @@ def find_items(
     root: str | None = None,
     own_configs: bool = True,
     stdin: BinaryIO | None = None,
-    outputs: Outputs | None = None,
+    outputs: FileNames | None = None,
 ) -> list[Item]:
     """The clouds that the inputs of a batch stand for: in their order, those of a folder sorted.
 
@@ -70,9 +70,9 @@ def find_items(
         InputError: a folder or list that was named cannot be read.
     """
     if outputs is None:
-        from dlogen.outputs import Outputs as Files
+        from dlogen.outputs import Outputs
 
-        outputs = Files().files
+        outputs = Outputs().files
     finder = _Finder(out, root, own_configs, stdin)
     found = without_repeats([item for text in inputs for item in finder.find(text)])
     if not found:
@@ -111,7 +111,7 @@ class _Finder:
             yield self._file(text, key_as_named(text))
         elif text == "-":
             yield from self._listed(read_lines(self._read_stdin(), [""], "stdin"), "stdin")
-        elif text.startswith("@"):
+        elif text.startswith("@") and text != "@":
             yield from self._list(text[1:] if os.path.lexists(text[1:]) else os.path.expanduser(text[1:]))
         elif is_glob(text):
             yield from self._glob(text)
@@ -165,7 +165,10 @@ class _Finder:
         yield from self._listed(read(data, ["", os.path.dirname(path)], name), name)
 
     def _listed(self, rows: Iterable[Row], name: str) -> Iterator[Item]:
-        """The clouds of a list. One that does not exist fails like any other, unless none of them does."""
+        """The clouds of a list. One that does not exist fails when it is its turn, unless none of them exists.
+
+        Folders without clouds are passed over: `find` lists them all.
+        """
         missing = None
         exists = False
         for row in rows:
@@ -216,7 +219,7 @@ class _Finder:
             if folder.error is not None:
                 if not above:
                     reason = f"cannot be listed: {folder.error.strerror or folder.error}"
-                    raise InputError(reason, "check its permissions", path=shown(top))
+                    raise InputError(reason, "check its permissions", path=shown(top or os.curdir))
                 yield self._file(folder.path, "/".join(above), settings)
             if not folder.clouds:
                 continue

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from dlogen.batch.inputs import Item
 
 #: stem -> names of the files that are written for it.
-Outputs = Callable[[str], tuple[str, ...]]
+FileNames = Callable[[str], tuple[str, ...]]
 
 #: What a batch itself writes at the top of its output folder; sqlite has files beside a database while it is in use.
 OWN_FILES = frozenset(
@@ -62,7 +63,7 @@ def _settings(item: Item) -> tuple[object, ...]:
     return item.overrides, item.time, item.config and os.path.realpath(item.config)
 
 
-def with_unique_keys(items: Sequence[Item], outputs: Outputs) -> list[Item]:
+def with_unique_keys(items: Sequence[Item], outputs: FileNames) -> list[Item]:
     """The items, with the ending kept in the keys of those whose files would collide.
 
     Raises:
@@ -77,7 +78,7 @@ def with_unique_keys(items: Sequence[Item], outputs: Outputs) -> list[Item]:
     return settled
 
 
-def _in_need_of_ending(items: Sequence[Item], outputs: Outputs, whole: set[int]) -> set[int]:
+def _in_need_of_ending(items: Sequence[Item], outputs: FileNames, whole: set[int]) -> set[int]:
     """Indices of items whose files would collide with something; those in `whole` have their endings already.
 
     Files collide also where one would have to be a folder: x.json of x.ply with the folder x.json of x.json/y.ply.
@@ -99,11 +100,10 @@ def _in_need_of_ending(items: Sequence[Item], outputs: Outputs, whole: set[int])
 
     needing: set[int] = set()
 
-    def collide(i: int, other: int | None = None, *, both: bool = False) -> None:
-        longer = {j for j in (i, other if both else None) if j is not None and j not in whole and _ending(items[j])}
-        if not longer:
-            raise _own_collision(items[i]) if other is None else _collision(items, i, other)
+    def lengthen(*collided: int) -> bool:
+        longer = {i for i in collided if i not in whole and _ending(items[i])}
         needing.update(longer)
+        return bool(longer)
 
     for path, inside in members.items():
         owners: dict[str, int] = {}
@@ -111,12 +111,13 @@ def _in_need_of_ending(items: Sequence[Item], outputs: Outputs, whole: set[int])
             stem = items[i].key.rpartition("/")[2]
             # Of a folder its name.
             for name in {os.path.normcase(name.partition("/")[0]) for name in outputs(stem)}:
-                if not path and name.casefold() in OWN_FILES:
-                    collide(i)
-                if (other := owners.setdefault(name, i)) != i:
-                    collide(i, other, both=True)
-                if (folder := f"{path}/{name}" if path else name) in folders:
-                    collide(i, folders[folder])
+                file = f"{path}/{name}" if path else name
+                if file.casefold() in OWN_FILES and not lengthen(i):
+                    raise _own_collision(items[i])
+                if (other := owners.setdefault(name, i)) != i and not lengthen(i, other):
+                    raise _collision(items, i, other, file)
+                if file in folders and not lengthen(i):
+                    raise _collision(items, i, folders[file], file)
     return needing
 
 
@@ -131,18 +132,18 @@ def _own_collision(item: Item) -> UsageError:
     )
 
 
-def _collision(items: Sequence[Item], i: int, other: int) -> UsageError:
-    folders = {os.path.dirname(item.cloud) for item in items}
-    try:
-        common = os.path.commonpath([os.path.abspath(folder) for folder in folders])
-    except ValueError:  # on different drives
-        hint = "run a batch for each, with different -o"
-    else:
-        hint = f"use --root {shown(common)}: results are laid out as the clouds are below that folder"
-    return UsageError(f"{shown(items[other].cloud)} and {shown(items[i].cloud)} would have the same results", hint)
+def _collision(items: Sequence[Item], i: int, other: int, name: str) -> UsageError:
+    hint = "rename one of them, or run a batch for each with different -o"
+    if items[i].key == items[other].key:
+        folders = {os.path.abspath(os.path.dirname(item.cloud)) for item in items}
+        with contextlib.suppress(ValueError):  # on different drives
+            common = shown(os.path.commonpath(folders))
+            hint = f"use --root {common}: results are laid out as the clouds are below that folder"
+    clouds = f"{shown(items[other].cloud)} and {shown(items[i].cloud)}"
+    return UsageError(f"{clouds} would both write {shown(name)}", hint)
 
 
-def overwritten(items: Sequence[Item], out: str, outputs: Outputs) -> set[int]:
+def overwritten(items: Sequence[Item], out: str, outputs: FileNames) -> set[int]:
     """Indices of items whose clouds lie where the results of one of them go."""
     target = os.path.realpath(out)
     inside: dict[str, str | None] = {}

@@ -95,7 +95,7 @@ class Search:
         return is_out or os.path.lexists(os.path.join(folder, ledger.NAME))
 
     def walk(self, top: str) -> list[Folder]:
-        """A folder and those below it, sorted; each of them once.
+        """A folder ("" is the current one) and those below it, sorted; each of them once.
 
         Links to folders are followed after all else, so that a folder is found under its own name if it has one.
         """
@@ -105,7 +105,7 @@ class Search:
         links: list[tuple[Parts, str]] = []
         while folders or links:
             below, path = folders.pop() if folders else heapq.heappop(links)
-            this = identity(path)
+            this = identity(path or os.curdir)
             if below and this is not None and (this in seen or this == self._out):
                 continue
             seen.add(this)
@@ -129,22 +129,21 @@ class Search:
             below: path of the folder below the one that the search started from.
         """
         part, rest = parts[0], parts[1:]
-        here = folder or os.curdir
         if part == "**" and not rest:
-            yield Match(below, here, is_folder=True)
+            yield Match(below, folder, is_folder=True)
         elif part == "**":
-            for inside in self.walk(here):
-                path = inside.path if inside.below else folder
+            for inside in self.walk(folder):
+                where = (*below, *inside.below)
                 if inside.error is None:
-                    yield from self.glob(path, rest, (*below, *inside.below))
+                    yield from self.glob(inside.path, rest, where)
                 else:
-                    yield Match((*below, *inside.below), path, is_folder=True)
+                    yield Match(where, inside.path, is_folder=True)
         else:
             try:
                 found = self._named(folder, part)
             except OSError:
                 # It is found itself, and fails later: what may be in it is not lost in silence.
-                yield Match(below, here, is_folder=True)
+                yield Match(below, folder, is_folder=True)
                 return
             for name, is_folder in found:
                 path = os.path.join(folder, name)
@@ -171,7 +170,7 @@ class Search:
     def _list(self, path: str, below: Parts) -> Folder:
         folder = Folder(path, below)
         try:
-            with os.scandir(path) as entries:
+            with os.scandir(path or os.curdir) as entries:
                 for entry in entries:
                     name = entry.name
                     if name.startswith("."):

@@ -22,7 +22,16 @@ from dlogen.mdtw import mdtw
 from dlogen.model import Array, BoolArray, Cloud, Finding, Intermediate, Quality, Result, Skeleton
 from dlogen.polyline import resample
 from dlogen.stages.chain import build_chain
-from dlogen.stages.checks import check_deviation, check_line, check_points, check_walk, on_surface
+from dlogen.stages.checks import (
+    check_deviation,
+    check_followed,
+    check_line,
+    check_points,
+    check_radius,
+    check_radius_along,
+    check_walk,
+    on_surface,
+)
 from dlogen.stages.curvature import max_curvature
 from dlogen.stages.normals import choose_neighbours, estimate_normals, orient_normals
 from dlogen.stages.projection import project
@@ -111,7 +120,10 @@ def fit(
         bend = max_curvature(line.skeleton)
         wish = _wish(config)
         settings["segmentation"]["criterion"] = wish.criterion
-        segmentation = segment(line.skeleton, e_max, wish)
+        try:
+            segmentation = segment(line.skeleton, e_max, wish)
+        except FitError as reason:
+            raise _explained(reason, line.findings) from reason
         chain = build_chain(segmentation.joints, line.radius)
 
     with clock.stage("mdtw"):
@@ -186,7 +198,10 @@ def _refined_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock:
         ordering = order(points, given, scale)
 
     with clock.stage("refine"):
-        fitted = refine(points, ordering.backbone, ordering.radius, fixed_radius=given is not None)
+        try:
+            fitted = refine(points, ordering.backbone, ordering.radius, fixed_radius=given is not None)
+        except FitError as reason:
+            raise _explained(reason, ordering.findings) from reason
         skeleton, radius = fitted.skeleton, fitted.radius
         settings.update(r=radius, N=skeleton.basis.size)
 
@@ -208,7 +223,23 @@ def _refined_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock:
             *([_not_used(unused)] if unused else []),
             *_findings_of_refined(ordering, fitted),
             *cut_ends(points, s, on_tube, skeleton, radius),
+            *check_followed(points, ordering.backbone, residual + radius, radius),
+            *check_radius_along(skeleton, radius, s, residual + radius),
+            *([] if given is None else check_radius(given, estimate_scale(points))),
         ),
+    )
+
+
+def _explained(error: FitError, findings: tuple[Finding, ...]) -> FitError:
+    """What was wrong before, if anything was: a line through what is no line fails later, in ways that say little."""
+    bad = next((finding for finding in findings if finding.severity == "bad"), None)
+    if bad is None:
+        return error
+    return FitError(
+        f"no chain can be made of this cloud: {bad.message}",
+        "leave only the object in it: no table, background or fixtures (dlogen extract cuts an object out of a scene); "
+        "check r and units",
+        stage="ordering",
     )
 
 
@@ -308,6 +339,9 @@ def _paper_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock: _
 
     with clock.stage("residual"):
         s, distance = foot_points(points, skeleton)
+        if not config.projection.enabled:
+            # The points are on the axis, or so near to it that it does not matter: anywhere in the tube is right.
+            distance = np.maximum(distance, radius)
         on_tube = on_surface(distance, radius)
     return _Line(
         skeleton,
@@ -320,7 +354,10 @@ def _paper_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock: _
             Intermediate("sorted", reached, {"s": walk.s}, colour="s"),
             Intermediate("unreached", projected[walk.unreached]),
         ),
-        tuple(check_walk(skeleton, radius, s, on_tube, len(walk.unreached))),
+        (
+            *check_walk(skeleton, radius, s, on_tube, len(walk.unreached)),
+            *([] if config.r == AUTO else check_radius(radius, estimate_scale(points))),
+        ),
     )
 
 

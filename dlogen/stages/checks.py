@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dlogen.errors import FitError
 from dlogen.model import Array, BoolArray, Finding, Segmentation, Skeleton
+from dlogen.stages.scale import Scale, spatial_sample
 
 #: Fewer points than this cannot show a tube; the paper works with 5,000.
 MIN_POINTS = 12
 
 #: Nobody scans cables of this many metres in one cloud.
 _LONGEST = 50.0
+#: Nor any as short as this, metres.
+_SHORTEST = 0.01
+
+#: Stretches of the line whose radius is looked at, and the points that each needs.
+_STRETCHES, _PER_STRETCH = 20, 40
+#: Deviation of the radius of a stretch from that of the object that is reported, relative.
+_UNEVEN = 0.25
+#: Deviation of a given radius from that of the cross-sections that is reported, relative.
+_CONTRADICTED = 0.15
+#: Points that are looked at to see whether the line follows all of the object.
+_LOOKED_AT = 4000
 
 
 def check_points(points: Array, *, surface: bool = True) -> None:
@@ -48,7 +63,8 @@ def check_points(points: Array, *, surface: bool = True) -> None:
             )
         raise FitError(
             f"the cloud is flat: {axis} is the same for all points",
-            "points on the surface are needed; for points on the centre line set projection.enabled to false",
+            "points on the surface are needed; for points on the centre line set profile to paper, "
+            "projection.enabled to false, and give r",
             stage="input",
         )
 
@@ -97,7 +113,74 @@ def check_line(
         findings.append(
             Finding("units", f"the object is {line.length:.0f} m long: set units (mm, cm) if it is not", "doubtful")
         )
+    if line.length < _SHORTEST:
+        message = f"the object is only {1e3 * line.length:.2g} mm long: check units"
+        findings.append(Finding("units", message, "doubtful"))
     return findings
+
+
+def check_radius(radius: float, free: Scale) -> list[Finding]:
+    """Whether the cross-sections contradict a given radius.
+
+    Args:
+        radius: the given one, metres.
+        free: the scale of the cloud, estimated without it.
+    """
+    # The estimate is as uncertain as the noise is large.
+    if not free.radius_reliable or abs(free.radius - radius) <= max(_CONTRADICTED * radius, free.noise):
+        return []
+    message = f"r = {1e3 * radius:.3g} mm was given, but the cross-sections have a radius of {1e3 * free.radius:.3g} mm"
+    return [Finding("radius-mismatch", message, "doubtful")]
+
+
+def check_radius_along(line: Skeleton, radius: float, s: Array, distance: Array) -> list[Finding]:
+    """Whether the object is thicker or thinner in places: a chain has one radius.
+
+    Args:
+        line: the skeleton line.
+        radius: of the object, metres.
+        s: (M,) foot coordinate of every point.
+        distance: (M,) distance of every point to the line, metres.
+    """
+    near = (distance < 2.5 * radius) & (s > 0.0) & (s < 1.0)
+    order = np.argsort(s[near])
+    s, distance = s[near][order], distance[near][order]
+    edges = np.searchsorted(s, np.linspace(0.0, 1.0, _STRETCHES + 1))
+    medians = {
+        i: float(np.median(distance[low:high]))
+        for i, (low, high) in enumerate(pairwise(edges))
+        if high - low >= _PER_STRETCH
+    }
+    if not medians:
+        return []
+    usual = float(np.median(distance))
+    worst = max(medians, key=lambda i: abs(medians[i] - usual))
+    if abs(medians[worst] - usual) <= _UNEVEN * usual:
+        return []
+    text = (
+        f"the radius is not the same everywhere: {1e3 * medians[worst]:.3g} mm here, {1e3 * radius:.3g} mm in the model"
+    )
+    return [_at(line, "radius-varies", text, "doubtful", (worst + 0.5) / _STRETCHES)]
+
+
+def check_followed(points: Array, backbone: Array, distance: Array, radius: float) -> list[Finding]:
+    """Whether the skeleton line follows all of the rough line that it was made from.
+
+    Args:
+        points: (M, 3) metres.
+        backbone: (K, 3) vertices of the rough line, about a radius apart, metres.
+        distance: (M,) distance of the points to the skeleton line, metres.
+        radius: of the object, metres.
+    """
+    chosen = spatial_sample(points, _LOOKED_AT)
+    near = np.isfinite(cKDTree(backbone).query(points[chosen], distance_upper_bound=2.0 * radius)[0])
+    if not near.any():
+        return []
+    share = float(np.mean(distance[chosen][near] > 2.5 * radius))
+    if share <= 0.02:
+        return []
+    message = f"the line misses {100 * share:.0f} % of the points along the object"
+    return [Finding("points-not-reached", message, "bad" if share > 0.15 else "doubtful")]
 
 
 def on_surface(distance: Array, radius: float) -> BoolArray:

@@ -359,7 +359,9 @@ def _about_ends(line: _Line, r: float, origin: Array) -> list[Finding]:
     place = _place(0.5 * (first + last) + origin)
     if gap < 4.0 * r and cost < 0.8:
         return [Finding("closed-ring", "the object is a closed ring: it has no ends", "bad", 0.0, place)]
-    if gap < 4.0 * r or cost < 0.3:
+    # The ends of an object that is folded in two lie side by side and point the same way.
+    folded = float(end_direction(line.points, r) @ end_direction(line.points[::-1], r)) > 0.5
+    if (gap < 4.0 * r and not folded) or cost < 0.3:
         message = f"the two ends face each other {_millimetres(gap)} apart: it may be a ring with a gap"
         return [Finding("closed-ring", message, "doubtful", 0.0, place)]
     return []

@@ -4,9 +4,19 @@ import numpy as np
 import pytest
 
 from dlogen.errors import FitError
-from dlogen.stages.checks import MIN_POINTS, check_line, check_points, check_walk, on_surface
+from dlogen.stages.checks import (
+    MIN_POINTS,
+    check_followed,
+    check_line,
+    check_points,
+    check_radius,
+    check_radius_along,
+    check_walk,
+    on_surface,
+)
 from dlogen.stages.curvature import max_curvature
 from dlogen.stages.residual import foot_points
+from dlogen.stages.scale import estimate_scale
 from dlogen.synthetic import centre_line, random_centre_line, sample_tube
 
 
@@ -118,10 +128,75 @@ class TestLine:
         assert codes(found) == {"units": "doubtful"}
         assert "1400 m" in found[0].message
 
+    def test_metres_taken_for_millimetres(self, exact_line) -> None:
+        line = random_centre_line(3)
+
+        def small(s, derivative):
+            return 0.001 * line.curve(s, derivative)
+
+        found = check_line(exact_line(small), 1.5e-5, np.full(100, 1.5e-5), np.ones(100, bool), (1e4, 0.5))
+        assert codes(found) == {"units": "doubtful"}
+        assert "1.4 mm" in found[0].message
+
     def test_points_that_are_all_far_away(self, exact_line, tube) -> None:
         line = exact_line(tube.truth)
         found = codes(check_line(line, 0.015, np.full(100, 1.0), np.zeros(100, bool), (1.0, 0.5)))
         assert found["points-off-the-tube"] == "bad"
+
+
+class TestRadius:
+    @pytest.mark.parametrize("side", [None, [0.3, 0.2, -1.0]])
+    def test_a_given_radius_is_held_against_the_cross_sections(self, side) -> None:
+        cloud = sample_tube(random_centre_line(3, clearance=0.08), 0.015, 5000, 0, noise=0.0005, side=side)
+        free = estimate_scale(cloud.points)
+        for right in (0.014, 0.015, 0.016):
+            assert check_radius(right, free) == []
+        for wrong in (0.010, 0.019):
+            (finding,) = check_radius(wrong, free)
+            assert (finding.code, finding.severity) == ("radius-mismatch", "doubtful")
+            assert f"{1e3 * wrong:.3g} mm was given" in finding.message
+
+    def test_what_the_cloud_does_not_know_it_does_not_contradict(self) -> None:
+        rng = np.random.default_rng(0)
+        thread = np.c_[rng.random(3000), rng.normal(0.0, 0.002, (3000, 2))]
+        assert check_radius(0.001, estimate_scale(thread)) == []
+
+    @pytest.mark.parametrize("seed", range(5))
+    def test_the_same_everywhere(self, exact_line, seed: int) -> None:
+        truth = random_centre_line(seed, clearance=0.06)
+        for options in ({"noise": 0.003}, {"side": [0.0, 0.0, -1.0]}, {"stray_fraction": 0.3}, {"gaps": [(0.3, 0.5)]}):
+            s, distance = foot_points(sample_tube(truth, 0.015, 5000, seed, **options).points, exact_line(truth))
+            assert check_radius_along(exact_line(truth), 0.015, s, distance) == []
+
+    def test_a_thick_part_is_found_where_it_is(self, exact_line) -> None:
+        truth = random_centre_line(3, clearance=0.08)
+        s, distance = foot_points(sample_tube(truth, 0.015, 5000, 0).points, exact_line(truth))
+        thick = np.where(abs(s - 0.625) < 0.03, 1.6 * distance, distance)
+        (finding,) = check_radius_along(exact_line(truth), 0.015, s, thick)
+        assert (finding.code, finding.severity) == ("radius-varies", "doubtful")
+        assert finding.s == pytest.approx(0.625)
+        assert "24 mm here, 15 mm in the model" in finding.message
+
+    def test_a_taper(self, exact_line, tube) -> None:
+        s, distance = foot_points(tube.points, exact_line(tube.truth))
+        (finding,) = check_radius_along(exact_line(tube.truth), tube.radius, s, distance * (1.4 - 0.8 * s))
+        assert min(finding.s, 1.0 - finding.s) < 0.1
+
+
+class TestFollowed:
+    @pytest.mark.parametrize(("share", "severity"), [(0.0, None), (0.1, "doubtful"), (0.4, "bad")])
+    def test_a_line_that_ends_early(self, exact_line, tube, share: float, severity) -> None:
+        s = np.linspace(0.0, 1.0, 150)
+        part = (1.0 - share) * np.linspace(0.0, 1.0, 4000)
+        distance = np.linalg.norm(tube.points[:, None] - tube.truth(part)[None, ::20], axis=2).min(axis=1)
+        found = codes(check_followed(tube.points, tube.truth(s), distance, tube.radius))
+        assert found == ({} if severity is None else {"points-not-reached": severity})
+
+    def test_strays_were_never_part_of_it(self, exact_line) -> None:
+        truth = random_centre_line(3, clearance=0.08)
+        cloud = sample_tube(truth, 0.015, 5000, 0, stray_fraction=0.3)
+        _, distance = foot_points(cloud.points, exact_line(truth))
+        assert check_followed(cloud.points, truth.points(100), distance, 0.015) == []
 
 
 class TestOnSurface:

@@ -251,6 +251,14 @@ class TestNeverAConfidentWrongChain:
         line = from_points(np.c_[0.2 * np.cos(t), 0.2 * np.sin(t), np.zeros(300)])
         assert _codes(order(sample_tube(line, 0.01, 4000, 1).points)) == ["closed-ring"]
 
+    def test_ends_side_by_side_are_no_ring(self):
+        turn = np.linspace(-np.pi / 2, np.pi / 2, 60)
+        leg = np.linspace(0.0, 0.29, 59)
+        bow = np.c_[0.3 + 0.035 / 2 * np.cos(turn), 0.035 / 2 * np.sin(turn)]
+        flat = np.concatenate([np.c_[leg, np.full(59, bow[0, 1])], bow, np.c_[leg[::-1], np.full(59, bow[-1, 1])]])
+        cloud = sample_tube(from_points(np.c_[flat, np.zeros(len(flat))]), 0.01, 20000, 1)
+        assert "closed-ring" not in _codes(order(cloud.points, 0.01))
+
     @pytest.mark.parametrize("seed", range(5))
     def test_several_objects(self, seed):
         codes = _codes(order(_two(seed)), "bad")

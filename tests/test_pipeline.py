@@ -1,0 +1,80 @@
+"""The whole fit: what it says about clouds that are not what they should be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import dlogen
+from dlogen.errors import FitError
+from dlogen.synthetic import from_points, random_centre_line, sample_tube
+
+
+def codes(result) -> dict[str, str]:
+    return {finding.code: finding.severity for finding in result.quality.findings if finding.severity != "note"}
+
+
+@pytest.fixture(scope="module")
+def cloud():
+    return sample_tube(random_centre_line(3, clearance=0.08), 0.015, 5000, 0)
+
+
+def test_a_table_is_refused_with_what_to_do() -> None:
+    table = np.random.default_rng(0).uniform([0.0, 0.0, 0.0], [1.2, 0.6, 0.002], (20000, 3))
+    with pytest.raises(FitError, match="no chain can be made of this cloud") as refused:
+        dlogen.fit(table)
+    assert "dlogen extract" in refused.value.hint
+
+
+def test_points_on_the_centre_line(cloud) -> None:
+    points = cloud.truth.points(1000)
+    with pytest.raises(FitError, match="no width") as refused:
+        dlogen.fit(points)
+    assert "projection.enabled" in refused.value.hint
+    # What the hint says does it.
+    result = dlogen.fit(points, {"profile": "paper", "projection": {"enabled": False}, "r": 0.015})
+    assert codes(result) == {}
+    assert result.residual.rms < 0.002
+    assert result.skeleton.length == pytest.approx(cloud.truth.length, rel=0.01)
+
+
+@pytest.mark.parametrize("profile", ["refined", "paper"])
+@pytest.mark.parametrize("factor", [0.6, 0.8, 1.25, 1.5])
+def test_a_wrong_radius_is_never_called_good(cloud, profile: str, factor: float) -> None:
+    try:
+        assert "radius-mismatch" in codes(dlogen.fit(cloud.points, {"profile": profile, "r": 0.015 * factor}))
+    except FitError as error:
+        assert "check r" in error.hint
+
+
+@pytest.mark.parametrize("profile", ["refined", "paper"])
+def test_the_right_radius_is(cloud, profile: str) -> None:
+    assert codes(dlogen.fit(cloud.points, {"profile": profile, "r": 0.015})) == {}
+
+
+def test_an_object_that_is_thicker_at_one_end(cloud) -> None:
+    s, _ = cloud.truth.nearest(cloud.points)
+    axis = cloud.truth(s)
+    assert "radius-varies" in codes(dlogen.fit(axis + (cloud.points - axis) * (1.4 - 0.8 * s)[:, None]))
+
+
+def test_strands_side_by_side_with_a_given_radius() -> None:
+    # A hairpin with a diameter of free space between its legs: auto takes both for one thick object.
+    turn = np.linspace(-np.pi / 2, np.pi / 2, 60)
+    leg = np.linspace(0.0, 0.29, 59)
+    flat = np.concatenate(
+        [
+            np.c_[leg, np.full(59, -0.02)],
+            np.c_[0.3 + 0.02 * np.cos(turn), 0.02 * np.sin(turn)],
+            np.c_[leg[::-1], np.full(59, 0.02)],
+        ]
+    )
+    cloud = sample_tube(from_points(np.c_[flat, np.zeros(len(flat))]), 0.01, 5000, 1)
+    automatic = dlogen.fit(cloud.points)
+    assert automatic.quality.verdict != "good"
+    assert any("give r" in finding.message for finding in automatic.quality.findings)
+    given = dlogen.fit(cloud.points, {"r": 0.01})
+    assert given.quality.verdict == "good"
+    _, distance = cloud.truth.nearest(given.skeleton_points)
+    assert distance.max() < 0.001
+    assert given.skeleton.length == pytest.approx(cloud.truth.length, rel=0.003)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _DRAWN = 4000
 
 # Okabe and Ito's colours, which are told apart without full colour vision.
-_BLUE, _ORANGE, _GREEN, _RED, _GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#8c8c8c"
+BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#8c8c8c"
 
 
 def fit_picture(result: Result) -> bytes:
@@ -37,7 +37,7 @@ def fit_picture(result: Result) -> bytes:
     Raises:
         UsageError: matplotlib is not installed.
     """
-    figure = _canvas(11.0, 8.0)
+    figure = canvas(11.0, 8.0)
     grid = figure.add_gridspec(2, 2, height_ratios=[1.5, 1.0])
     shape = figure.add_subplot(grid[0, :])
     _draw_views(shape, result)
@@ -49,7 +49,7 @@ def fit_picture(result: Result) -> bytes:
         f"{len(chain.lengths)} segments of {1e3 * result.joints.segment_length:.1f} mm, {result.quality.verdict}",
         fontsize=13,
     )
-    return _png(figure)
+    return png(figure)
 
 
 def _draw_views(axes: Axes, result: Result) -> None:
@@ -68,10 +68,10 @@ def _draw_views(axes: Axes, result: Result) -> None:
         first = column == 1
         points, line, joints = (np.stack([part[:, 0], part[:, column] + shift]) * unit for part in (thinned, *seen[1:]))
         axes.plot(
-            *points, ".", color=_GREY, markersize=1.5, alpha=0.6, label="points" if first else None, rasterized=True
+            *points, ".", color=GREY, markersize=1.5, alpha=0.6, label="points" if first else None, rasterized=True
         )
-        axes.plot(*line, "-", color=_BLUE, linewidth=1.5, label="skeleton line" if first else None)
-        axes.plot(*joints, "o-", color=_RED, linewidth=1.0, markersize=3.5, label="chain" if first else None)
+        axes.plot(*line, "-", color=BLUE, linewidth=1.5, label="skeleton line" if first else None)
+        axes.plot(*joints, "o-", color=RED, linewidth=1.0, markersize=3.5, label="chain" if first else None)
     for finding in result.quality.findings:
         if finding.position is not None:
             x, y, _ = (np.asarray(finding.position) - centre) @ main.T * unit
@@ -92,8 +92,8 @@ def _draw_views(axes: Axes, result: Result) -> None:
 
 def _draw_curvature(axes: Axes, result: Result) -> None:
     s = np.linspace(0.0, 1.0, 1000)
-    axes.plot(s, curvature(result.skeleton, s), color=_BLUE, linewidth=1.3)
-    axes.plot(result.chain.s, np.zeros(len(result.chain.s)), "|", color=_RED, markersize=8, label="joints")
+    axes.plot(s, curvature(result.skeleton, s), color=BLUE, linewidth=1.3)
+    axes.plot(result.chain.s, np.zeros(len(result.chain.s)), "|", color=RED, markersize=8, label="joints")
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("s")
@@ -103,8 +103,8 @@ def _draw_curvature(axes: Axes, result: Result) -> None:
 
 
 def _draw_error(axes: Axes, result: Result) -> None:
-    axes.plot(result.mdtw.s, 1e3 * result.mdtw.error, color=_BLUE, linewidth=1.0, label="MDTW error")
-    axes.axhline(1e3 * result.e_max, color=_RED, linestyle="--", linewidth=1.2, label="e_max")
+    axes.plot(result.mdtw.s, 1e3 * result.mdtw.error, color=BLUE, linewidth=1.0, label="MDTW error")
+    axes.axhline(1e3 * result.e_max, color=RED, linestyle="--", linewidth=1.2, label="e_max")
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(0.0, 1.25e3 * max(result.e_max, result.mdtw.max))
     axes.set_xlabel("s")
@@ -133,10 +133,10 @@ def evaluation_pictures(figures: Sequence[Figure]) -> dict[str, bytes]:
 def _bars(rows: Sequence[Figure], quantities: Sequence[str]) -> bytes:
     """Measured figures as bars, the paper's and the bounds as marks, on a logarithmic scale."""
     names = list(dict.fromkeys(item.row for item in rows))
-    figure = _canvas(9.0, 1.2 + 0.34 * len(names) * max(1, len(quantities)))
+    figure = canvas(9.0, 1.2 + 0.34 * len(names) * max(1, len(quantities)))
     axes = figure.add_subplot()
     height = 0.8 / len(quantities)
-    for j, (quantity, colour, hatch) in enumerate(zip(quantities, (_BLUE, _ORANGE), ("", "//"), strict=False)):
+    for j, (quantity, colour, hatch) in enumerate(zip(quantities, (BLUE, ORANGE), ("", "//"), strict=False)):
         at = {item.row: item for item in rows if item.quantity == quantity}
         y = np.array([names.index(name) for name in at]) + (j - 0.5 * (len(quantities) - 1)) * height
         values = np.array([item.measured for item in at.values()])
@@ -146,7 +146,7 @@ def _bars(rows: Sequence[Figure], quantities: Sequence[str]) -> bytes:
         axes.plot(limits, y, "|", color="black", markersize=9, markeredgewidth=2, label=label)
         paper = np.array([item.paper if item.paper is not None else np.nan for item in at.values()])
         if np.isfinite(paper).any():
-            axes.plot(paper, y, "D", color=_RED, markersize=6, label="the paper")
+            axes.plot(paper, y, "D", color=RED, markersize=6, label="the paper")
         for value, place in zip(values, y, strict=True):
             # At the foot of the bar, where no bound and no other mark can be.
             axes.annotate(
@@ -155,7 +155,7 @@ def _bars(rows: Sequence[Figure], quantities: Sequence[str]) -> bytes:
                 xycoords=("axes fraction", "data"),
                 va="center",
                 fontsize=9,
-                color="white" if colour == _BLUE else "black",
+                color="white" if colour == BLUE else "black",
                 bbox={"facecolor": colour, "edgecolor": "none", "pad": 1.0},
             )
     axes.set_xscale("log")
@@ -166,10 +166,15 @@ def _bars(rows: Sequence[Figure], quantities: Sequence[str]) -> bytes:
     axes.set_xlabel(f"[{rows[0].unit}]")
     axes.grid(axis="x", alpha=0.3)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, fontsize=9, frameon=False)
-    return _png(figure)
+    return png(figure)
 
 
-def _canvas(width: float, height: float) -> Canvas:
+def canvas(width: float, height: float) -> Canvas:
+    """An empty figure of that size in inches.
+
+    Raises:
+        UsageError: matplotlib is not installed.
+    """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure as Canvas
@@ -180,7 +185,8 @@ def _canvas(width: float, height: float) -> Canvas:
     return figure
 
 
-def _png(figure: Canvas) -> bytes:
+def png(figure: Canvas) -> bytes:
+    """The picture: the same bytes for the same figure."""
     out = io.BytesIO()
     # Without the version of matplotlib the bytes depend on the picture alone.
     figure.savefig(out, format="png", dpi=100, metadata={"Software": None})

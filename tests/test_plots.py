@@ -13,7 +13,7 @@ from dlogen.errors import UsageError
 from dlogen.evaluation import Figure
 from dlogen.model import Finding, Quality, Result
 from dlogen.pipeline import fit
-from dlogen.plots import _canvas, _draw_error, _draw_views, evaluation_pictures, fit_picture
+from dlogen.plots import _draw_error, _draw_views, canvas, evaluation_pictures, fit_picture
 from dlogen.synthetic import centre_line, sample_tube
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -39,13 +39,13 @@ def test_the_refined_profile_and_its_findings_are_drawn() -> None:
     place = tuple(float(x) for x in result.skeleton(0.4)[0])
     marked = Quality((Finding("gap", "a gap", "note", 0.4, place),))
     object.__setattr__(result, "quality", marked)
-    axes = _canvas(8, 6).add_subplot()
+    axes = canvas(8, 6).add_subplot()
     _draw_views(axes, result)
     assert [text.get_text() for text in axes.texts] == ["gap"]
 
 
 def test_the_views_show_all_joints_in_proportion(result: Result) -> None:
-    axes = _canvas(8, 6).add_subplot()
+    axes = canvas(8, 6).add_subplot()
     _draw_views(axes, result)
     chains = [line for line in axes.lines if line.get_marker() == "o"]
     assert [len(line.get_xdata()) for line in chains] == [len(result.chain.joints)] * 2
@@ -56,7 +56,7 @@ def test_the_views_show_all_joints_in_proportion(result: Result) -> None:
 
 
 def test_the_error_is_drawn_below_the_line_at_e_max(result: Result) -> None:
-    axes = _canvas(8, 6).add_subplot()
+    axes = canvas(8, 6).add_subplot()
     _draw_error(axes, result)
     curve, limit = axes.lines
     assert limit.get_ydata()[0] == pytest.approx(1e3 * result.e_max)

@@ -13,7 +13,7 @@ from dlogen.errors import FitError
 from dlogen.model import Array, BoolArray
 from dlogen.sequence.links import Shape, deviations, equal_links, fewest_links, fit_links, links_of_length
 from dlogen.sequence.observed import Aside, Observed, Sizes, common_sizes, set_aside
-from dlogen.sequence.pose import filled_in
+from dlogen.sequence.pose import filled_in, smoothed
 from dlogen.sequence.track import directions, misfits
 from dlogen.stages.curvature import max_segment_length
 
@@ -78,6 +78,7 @@ def common_model(
     *,
     segmentation: Segmentation | None = None,
     e_max: float | None = None,
+    smooth: bool = False,
 ) -> Common:
     """The model that all frames share, and its chain in each.
 
@@ -90,6 +91,7 @@ def common_model(
             whatever its `placement`.
         e_max: largest distance allowed between the curve of a good frame and its chain, metres; half of the radius by
             default.
+        smooth: even out the noise from frame to frame; see `dlogen.sequence.pose.smoothed`.
 
     Raises:
         FitError: no frame can be believed, or there would be more than 2000 links.
@@ -101,7 +103,7 @@ def common_model(
     sizes = common_sizes(observed, _good(asides, observed))
     for k, item in enumerate(observed):
         asides[k] = asides[k] or set_aside(item, sizes)
-    used = np.flatnonzero(_good(asides, observed))
+    used = np.flatnonzero(_good(asides, observed)).tolist()
     shape = _shape([observed[k] for k in used], sizes.length.value)
     compared = shape.points(np.linspace(0.0, sizes.length.value, _COMPARED))
     if times is None:
@@ -119,13 +121,16 @@ def common_model(
     sizes = common_sizes(observed, _good(asides, observed))
     all_reverse = np.zeros(len(observed), dtype=bool)
     all_reverse[used] = reverse
-    good = np.flatnonzero(_good(asides, observed))
+    good = np.flatnonzero(_good(asides, observed)).tolist()
     shape = _shape([observed[k] for k in good], sizes.length.value, all_reverse[good])
 
     e_max = 0.5 * sizes.radius.value if e_max is None else e_max
     radius, which, s = _tightest(shape)
     criterion, links = _links(shape, e_max, radius, segmentation or Segmentation())
     fitted = fit_links(shape, links)
+    if smooth and times is not None:
+        # Both ends make the noise of the length.
+        fitted = smoothed(fitted, links, times[good], 2.0 * sizes.length.spread)
     joints = np.full((len(observed), len(links) + 1, 3), np.nan)
     joints[good] = fitted
     deviation = np.full(len(observed), np.nan)

@@ -85,7 +85,8 @@ def common_sizes(observed: Sequence[Observed], use: BoolArray) -> Sizes:
         use: (F,) frames to go by, one at least.
     """
     lengths, radii, residuals = (
-        np.array([getattr(observed[k], name) for k in np.flatnonzero(use)]) for name in ("length", "radius", "residual")
+        np.array([getattr(observed[k], name) for k in np.flatnonzero(use).tolist()])
+        for name in ("length", "radius", "residual")
     )
     length, radius = float(np.median(lengths)), float(np.median(radii))
     residual = float(np.median(residuals))

@@ -61,6 +61,39 @@ def filled_in(joints: Array, links: Array, times: Array, good: BoolArray) -> Arr
     return out
 
 
+def smoothed(joints: Array, links: Array, times: Array, most: float) -> Array:
+    """Chains with less noise from frame to frame.
+
+    Centres of mass and directions of the links are evened out by the parabola through five frames around each (Savitzky
+    and Golay 1964, for uneven times), which does not lag. The first two and the last two frames stay, as do those at
+    long gaps and those that it would change by more than noise can explain.
+
+    Args:
+        joints: (F, n + 1, 3) metres.
+        links: (n,) lengths.
+        times: (F,) seconds, increasing.
+        most: how far noise may move a joint, metres.
+    """
+    if len(joints) < 5:
+        return joints
+    centres, directions = centre(joints, links), np.diff(joints, axis=1) / links[:, None]
+    path = np.concatenate([centres[:, None], directions], axis=1)
+    around = np.arange(5) + np.arange(len(joints) - 4)[:, None]
+    t = times[around] - times[2:-2, None]
+    spread = np.abs(t).max(axis=1, keepdims=True)
+    powers = (t / spread)[..., None] ** np.arange(3)
+    weights = np.linalg.pinv(powers)[:, 0]
+    even = np.einsum("fk,fkcx->fcx", weights, path[around])
+    even[:, 1:] /= np.maximum(np.linalg.norm(even[:, 1:], axis=2, keepdims=True), 1e-9)
+    new = from_directions(even[:, 0], even[:, 1:], links)
+    change = np.linalg.norm(new - joints[2:-2], axis=2).max(axis=1)
+    usual = float(np.median(np.diff(times)))
+    noise = (change <= most) & (spread[:, 0] <= _SHORT * usual)
+    out = joints.copy()
+    out[2:-2][noise] = new[noise]
+    return out
+
+
 def base_rotations(directions: Array, first: Array, reference: int) -> Array:
     """Orientations of the first link that turn from frame to frame without twist, by the smallest rotation.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from dlogen.model import Array, BoolArray, IntArray
@@ -16,8 +18,9 @@ _WAY = 0.05
 #: A frame is set aside when it is off by more than this many times what is usual in the recording ...
 _USUAL = 6.0
 
-#: ... and by more than this share of the steps around it: what moves so fast is not known any better.
-_OF_STEP = 0.5
+#: ... and by more than this share of the steps around it, at the ends by a whole step: what moves so fast is not known
+#: any better. In the middle also by more than the cubic is from the straight way: no more than what acceleration does.
+_OF_STEP = 0.3
 
 #: Below this number of frames nobody can tell which one is wrong.
 _LEAST = 5
@@ -88,7 +91,7 @@ def directions(curves: Array, times: Array, least: float) -> tuple[BoolArray, Bo
     if reverse[j]:
         reverse[kept] = ~reverse[kept]
     known = np.flatnonzero(kept)
-    for k in np.flatnonzero(~kept):
+    for k in np.flatnonzero(~kept).tolist():
         j = known[int(np.argmin(np.abs(times[known] - times[k])))]
         reverse[k] = bool(np.argmin(_rms(both[k] - both[j, int(reverse[j])])))
     return reverse, kept
@@ -118,9 +121,9 @@ def _rms(offset: Array) -> Array:
 def misfits(curves: Array, times: Array, kept: BoolArray, least: float) -> tuple[Array, Array]:
     """How far curves are from where their neighbours in time say, and how far they may be.
 
-    Of the kept curves, those that are off by more than allowed and by more than those around them are dropped, until
-    none is off: a wrong curve makes those beside it look wrong. In the middle a curve is foretold by the cubic through two neighbours on
-    either side, at the ends of the recording by the parabola through three.
+    Of the kept curves, those that are off by more than allowed, and by more than those around them, are dropped until
+    none is off: a wrong curve makes those beside it look wrong. In the middle a curve is foretold by the cubic through
+    two neighbours on either side, at the ends of the recording by up to three on one.
 
     Args:
         curves: (F, P, 3) in one direction.
@@ -146,34 +149,60 @@ def misfits(curves: Array, times: Array, kept: BoolArray, least: float) -> tuple
 def _foretold(curves: Array, times: Array, kept: BoolArray, least: float) -> tuple[Array, Array]:
     """Distance of every curve to what the kept ones around it say, and what is allowed."""
     places = np.flatnonzero(kept)
-    off, noise, step = (np.zeros(len(curves)) for _ in range(3))
+    off, noise, unsure, step = (np.zeros(len(curves)) for _ in range(4))
     sided = np.zeros(len(curves), dtype=bool)
     for k in range(len(curves)):
-        others = places[places != k]
-        around, inside = _neighbours(others, k)
-        sided[k] = not inside
-        off[k], noise[k] = _distance(curves, times, k, around)
-        pairs = zip(around[:-1], around[1:], strict=True)
-        step[k] = max(float(_rms(curves[a] - curves[b])) for a, b in pairs if not a < k < b)
+        around, sided[k] = _neighbours(places[places != k], k)
+        off[k], noise[k], unsure[k] = _distance(curves, times, k, around)
+        speed = max(float(_rms(curves[a] - curves[b]) / (times[b] - times[a])) for a, b in pairwise(around))
+        step[k] = speed * np.abs(times[around] - times[k]).min()
     usual = np.full(len(curves), float(np.median((off / noise)[kept & ~sided])))
     if sided.any():
         # Foretelling is harder than filling in: it is judged by how well it works in the middle.
-        alike = [_distance(curves, times, k, places[n - 3 : n]) for n, k in enumerate(places) if n >= 3]
-        usual[sided] = float(np.median([distance / loud for distance, loud in alike]))
-    return off, np.maximum(np.maximum(least, _USUAL * usual * noise), _OF_STEP * step)
+        alike = [_distance(curves, times, k, places[n - 3 : n]) for n, k in enumerate(places.tolist()) if n >= 3]
+        usual[sided] = float(np.median([distance / loud for distance, loud, _ in alike]))
+    fast = np.where(sided, step, np.maximum(_OF_STEP * step, unsure))
+    return off, np.maximum(np.maximum(least, _USUAL * usual * noise), fast)
 
 
 def _neighbours(others: IntArray, k: int) -> tuple[IntArray, bool]:
-    """Two of the others on either side of k, or three on one."""
+    """Two of the others on either side of k, or three on one; and whether all are on one side."""
     at = int(np.searchsorted(others, k))
     if 0 < at < len(others):
-        return others[max(0, at - 2) : at + 2], True
-    return (others[:3] if at == 0 else others[-3:]), False
+        return others[max(0, at - 2) : at + 2], False
+    return (others[:3] if at == 0 else others[-3:]), True
 
 
-def _distance(curves: Array, times: Array, k: int, around: IntArray) -> tuple[float, float]:
-    """Distance of curve k to the polynomial in time through others, and how much louder than theirs its noise is."""
+def _distance(curves: Array, times: Array, k: int, around: IntArray) -> tuple[float, float, float]:
+    """How far curve k is from where others say: by the polynomial in time through all of them.
+
+    Beyond the others, by the nearest of three: the nearest curve, the straight way through two, and the parabola.
+
+    Returns:
+        The distance, how much louder than that of a curve its noise is, and how far the polynomial is from the straight
+        way between the nearest two.
+    """
     t = times[around] - times[k]
-    weights = np.array([np.prod([other / (other - own) for other in np.delete(t, n)]) for n, own in enumerate(t)])
-    offset = np.einsum("k,kpx->px", weights, curves[around]) - curves[k]
-    return float(_rms(offset)), float(np.sqrt(1.0 + weights @ weights))
+    nearest = np.argsort(np.abs(t))
+    weights = {count: _weights(t, nearest[:count]) for count in range(1, len(t) + 1)}
+    if t[0] < 0.0 < t[-1]:
+        after = int(np.searchsorted(t, 0.0))
+        straight, best = _weights(t, np.array([after - 1, after])), weights[len(t)]
+        unsure = float(_rms(np.einsum("k,kpx->px", best - straight, curves[around])))
+        weights = {len(t): best}
+    else:
+        unsure = 0.0
+    found = [
+        (float(_rms(np.einsum("k,kpx->px", row, curves[around]) - curves[k])), float(np.sqrt(1.0 + row @ row)))
+        for row in weights.values()
+    ]
+    return *min(found), unsure
+
+
+def _weights(t: Array, chosen: IntArray) -> Array:
+    """Lagrange's weights at zero for the chosen ones of the times t, zero for the others."""
+    weights, near = np.zeros(len(t)), t[chosen]
+    for n, k in enumerate(chosen):
+        others = np.delete(near, n)
+        weights[k] = np.prod(others / (others - near[n]))
+    return weights

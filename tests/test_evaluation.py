@@ -77,3 +77,11 @@ def test_the_command_prints_figures_and_fails_on_a_regression(monkeypatch: pytes
     assert worse.exit_code == 1
     assert "straight, refined MDTW mean" in worse.stderr
     assert worse.stdout.count("WORSE") == 1
+    assert "medians over 10 clouds" in worse.stderr
+
+
+def test_columns_stay_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    figure = Figure("robustness", "bent, no noise", "mean distance", "mm", 0.0006309, high=0.01)
+    monkeypatch.setattr(robustness, "robustness", lambda *_: iter([figure]))
+    lines = CliRunner().invoke(cli, ["eval", "--table", "robustness"]).stdout.splitlines()
+    assert lines[1].split()[-5:] == ["-", "0.0006309", "<=", "0.01", "mm"]

@@ -33,6 +33,7 @@ def follow(
     thresholds: Sequence[Threshold] = (),
     strict: bool = False,
     as_json: bool = False,
+    tolerant: bool = False,
 ) -> None:
     """Run a batch to its end, or to Ctrl-C; what has been done is recorded and summed up either way.
 
@@ -43,6 +44,7 @@ def follow(
         thresholds: figures that may not be larger.
         strict: only good models will do.
         as_json: print a line for every cloud on stdout.
+        tolerant: clouds may fail; it is said all the same.
 
     Raises:
         DlogenError: a cloud failed, or is worse than wanted; or nothing more could be written.
@@ -76,7 +78,7 @@ def follow(
             write_summary(batch.ledger, batch.folder)
         ended = f"{tally.ended} of {len(batch.kept) + len(batch.todo)} clouds are done and recorded"
         raise DlogenError(f"{error.message}; {ended}", error.hint, path=error.path) from error
-    tally.tell(batch, console, time.monotonic() - start)
+    tally.tell(batch, console, time.monotonic() - start, tolerant)
 
 
 def _rows(batch: Batch, pool: Pool, console: Console) -> Generator[tuple[Row, bool], None, None]:
@@ -143,7 +145,7 @@ class _Tally:
         if self.strict and verdict != "good":
             self.above.setdefault("the verdict is not good", []).append(f"{row.cloud} ({verdict})")
 
-    def tell(self, batch: Batch, console: Console, seconds: float) -> None:
+    def tell(self, batch: Batch, console: Console, seconds: float, tolerant: bool) -> None:
         """The outcome in a few lines.
 
         Raises:
@@ -171,7 +173,7 @@ class _Tally:
         for text, clouds in self.above.items():
             more = f" and {len(clouds) - _MOST_NAMED} more" if len(clouds) > _MOST_NAMED else ""
             console.warning(f"{len(clouds)} x {text}: {', '.join(clouds[:_MOST_NAMED])}{more}")
-        wrong = [f"{self.failed} of {total} clouds failed"] if self.failed else []
+        wrong = [f"{self.failed} of {total} clouds failed"] if self.failed and not tolerant else []
         wrong += [f"of {len(clouds)} {text}" for text, clouds in self.above.items()]
         if wrong:
             raise DlogenError("; ".join(wrong), f"{batch.folder / CSV_NAME} names them all")

@@ -129,7 +129,7 @@ def command(
     config = load_config(config_path)
     # What is wrong for all clouds is said once.
     load_config(None, given, base=config)
-    address = _scheduler(scheduler, scheduler_file, jobs, ship, console)
+    address = scheduler_address(scheduler, scheduler_file, jobs, ship, console)
     if memory is not None and address is None and not can_limit_memory():
         raise UsageError("--memory needs Linux", "leave it away, and use fewer --jobs")
     out = Path(folder)
@@ -142,7 +142,7 @@ def command(
         total = max(1, len(batch.todo))
         pool: Pool
         if address is None:
-            pool = LocalPool(plan, min(jobs or _cores(), total), timeout=timeout, memory=memory)
+            pool = LocalPool(plan, min(jobs or cores(), total), timeout=timeout, memory=memory)
         else:
             from dlogen.batch.cluster import DaskPool
 
@@ -152,7 +152,9 @@ def command(
         ledger.close()
 
 
-def _scheduler(address: str | None, file: str | None, jobs: int | None, ship: bool, console: Console) -> str | None:
+def scheduler_address(
+    address: str | None, file: str | None, jobs: int | None, ship: bool, console: Console
+) -> str | None:
     """Address of a Dask scheduler, if the user wants one; Dask is imported only then."""
     from dlogen.errors import UsageError
 
@@ -173,6 +175,6 @@ def _scheduler(address: str | None, file: str | None, jobs: int | None, ship: bo
     return address or scheduler_of(file or "")
 
 
-def _cores() -> int:
+def cores() -> int:
     """Those that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -87,7 +87,7 @@ def command(
     if worse:
         raise DlogenError(
             f"outside the bound: {', '.join(worse)}",
-            f"a change has made the fit worse, unless it is chance: the bounds are for medians over {SEEDS} clouds a row",
+            f"a change has made the fit worse, or chance has: the bounds are for medians over {SEEDS} clouds a row",
         )
 
 

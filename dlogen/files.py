@@ -17,6 +17,11 @@ _NOTHING_CAN_BE_WRITTEN = {
 }
 
 
+def temporary_prefix(process: int | None = None) -> str:
+    """What the names of temporary files start with that a process makes; of all processes if it is None."""
+    return ".dlogen-" if process is None else f".dlogen-{process}-"
+
+
 def refuse_existing(paths: list[Path], force: bool) -> None:
     """Refuse to overwrite.
 
@@ -57,7 +62,9 @@ def write_with(writers: Mapping[Path, Callable[[Path], None]]) -> None:
                 raise UsageError("it is a folder", "choose another folder with -o, or rename it", path=target)
         for target, writer in writers.items():
             made += _make_folder(target.parent)
-            handle, name = tempfile.mkstemp(prefix=".dlogen-", suffix=target.suffix, dir=target.parent)
+            handle, name = tempfile.mkstemp(
+                prefix=temporary_prefix(os.getpid()), suffix=target.suffix, dir=target.parent
+            )
             os.close(handle)
             staged.append((Path(name), target))
             writer(Path(name))

@@ -14,7 +14,7 @@ import threading
 from collections.abc import Generator, Iterator
 from typing import IO, Any, Protocol
 
-from dlogen.batch.work import Failure, Outcome, Plan, Task
+from dlogen.batch.work import Failure, Outcome, Plan, Task, remove_temporaries
 from dlogen.errors import DlogenError
 
 #: How often a cloud is tried whose worker dies.
@@ -57,7 +57,7 @@ class LocalPool:
         inbox: queue.SimpleQueue[Task | None] = queue.SimpleQueue()
         results: queue.SimpleQueue[Outcome | Exception] = queue.SimpleQueue()
         workers: list[Worker] = []
-        under_way = 0
+        under_way = not_started = 0
         try:
             while True:
                 while under_way <= self.jobs and (task := next(tasks, None)) is not None:
@@ -69,10 +69,15 @@ class LocalPool:
                 if not under_way:
                     return
                 result = _interruptibly(results)
-                if isinstance(result, Exception):
+                if isinstance(result, NotStarted):
+                    not_started += 1
+                    if not_started == len(workers):
+                        raise result
+                elif isinstance(result, Exception):
                     raise result
-                under_way -= 1
-                yield result
+                else:
+                    under_way -= 1
+                    yield result
         finally:
             for worker in workers:
                 worker.close()
@@ -85,6 +90,11 @@ def _serve(
     while (task := inbox.get()) is not None:
         try:
             results.put(worker.work(task))
+        except NotStarted as error:
+            # The others do it: there may be room for fewer workers than the user thought.
+            inbox.put(task)
+            results.put(error)
+            return
         except Exception as error:  # of ours: it must not be lost in a thread
             results.put(error)
 
@@ -96,6 +106,10 @@ def _interruptibly(results: queue.SimpleQueue[Outcome | Exception]) -> Outcome |
             return results.get(timeout=1.0)
         except queue.Empty:
             continue
+
+
+class NotStarted(DlogenError):
+    """No worker process starts."""
 
 
 class Worker:
@@ -111,14 +125,13 @@ class Worker:
         self._plan, self._timeout, self._memory = plan, timeout, memory
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
-        self._log: IO[bytes] | None = None
         self._closed = False
 
     def work(self, task: Task) -> Outcome:
         """Send a task and wait for the answer; again, once, if the process dies over it.
 
         Raises:
-            DlogenError: no process starts.
+            NotStarted: no process starts.
         """
         end = None
         for _ in range(ATTEMPTS):
@@ -128,11 +141,13 @@ class Worker:
                 _send(process, task)
                 outcome: Outcome = _receive(process)
                 return outcome
-            except (OSError, EOFError, pickle.UnpicklingError):
+            except _GONE:
                 end = _end_of(process)
             finally:
                 if timer is not None:
                     timer.cancel()
+            if self._plan.folder is not None:
+                remove_temporaries(self._plan.folder, task.key, process.pid)
             if timer is not None and timer.passed:
                 hint = "give it more --timeout, or look at the cloud with dlogen info"
                 return Outcome(task.key, Failure("timeout", f"took longer than {self._timeout:g} s", hint))
@@ -151,29 +166,40 @@ class Worker:
 
     def _running(self) -> subprocess.Popen[bytes]:
         """The process, ready for a task."""
+        if self._process is not None and self._process.poll() is None:
+            return self._process
+        for _ in range(ATTEMPTS):
+            with _log() as log:
+                process = self._start(log)
+                try:
+                    _send(process, (self._plan, self._memory))
+                    _receive(process)
+                    return process
+                except _GONE:
+                    end = _end_of(process)
+                    said = _last_line(log)
+            if end >= 0:
+                # Not somebody who killed it.
+                break
+        raise NotStarted(f"a worker process does not start: {said or _how(end)}", _START_HINT)
+
+    def _start(self, log: IO[bytes] | None) -> subprocess.Popen[bytes]:
         with self._lock:
             if self._closed:
-                raise DlogenError("the worker is closed")
-            process = self._process
-            if process is not None and process.poll() is None:
-                return process
-            if process is not None:
-                _close_pipes(process)
-            # A file and not a pipe: nobody reads it unless the process does not start.
-            self._log = tempfile.TemporaryFile()  # noqa: SIM115 - as long as the process lives
-            process = self._process = _start(self._log)
-        try:
-            _send(process, (self._plan, self._memory))
-            _receive(process)
-        except (OSError, EOFError, pickle.UnpicklingError):
-            end = _end_of(process)
-            self._log.seek(0)
-            said = self._log.read().decode(errors="replace").strip().splitlines()
-            raise DlogenError(
-                f"a worker process does not start: {said[-1] if said else _how(end)}",
-                "does dlogen fit work here? Too little memory is another possible reason: try --jobs 1",
-            ) from None
-        return process
+                raise NotStarted("the worker is closed")
+            if self._process is not None:
+                _close_pipes(self._process)
+            try:
+                self._process = _start(log)
+            except OSError as error:
+                raise NotStarted(f"a worker process does not start: {error.strerror or error}", _START_HINT) from error
+            return self._process
+
+
+#: What comes of talking to a process that has ended.
+_GONE = (OSError, EOFError, pickle.UnpicklingError)
+
+_START_HINT = "does dlogen fit work here? Otherwise there may be too little memory, or too many processes: try --jobs 1"
 
 
 class _Deadline:
@@ -194,14 +220,37 @@ class _Deadline:
         self._process.kill()
 
 
-def _start(log: IO[bytes]) -> subprocess.Popen[bytes]:
+@contextlib.contextmanager
+def _log() -> Iterator[IO[bytes] | None]:
+    """Where a process says why it does not start; None where no file can be made.
+
+    A file and not a pipe: nobody reads it any more once the process has started.
+    """
+    try:
+        log = tempfile.TemporaryFile()  # noqa: SIM115 - the block must not be in this try
+    except OSError:
+        yield None
+        return
+    with log:
+        yield log
+
+
+def _last_line(log: IO[bytes] | None) -> str:
+    if log is None:
+        return ""
+    log.seek(0)
+    lines = log.read().decode(errors="replace").split("\n")
+    return next((line.strip() for line in reversed(lines) if line.strip()), "")
+
+
+def _start(log: IO[bytes] | None) -> subprocess.Popen[bytes]:
     # Modules come from where ours came from, and not from the current folder.
     code = f"import sys; sys.path[:] = {sys.path!r}; from dlogen.batch.worker import main; main()"
     return subprocess.Popen(
         [sys.executable, "-c", code],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        stderr=log,
+        stderr=subprocess.DEVNULL if log is None else log,
         env=os.environ | _SINGLE_THREADED,
         # Ctrl-C is for the parent, which ends the workers.
         start_new_session=True,

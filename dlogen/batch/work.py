@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
@@ -166,10 +167,29 @@ def write_files(folder: str, key: str, files: dict[str, bytes]) -> None:
     write_all({place / name: data for name, data in files.items()})
 
 
+def remove_temporaries(folder: str | Path, key: str, process: int | None = None) -> None:
+    """Remove what processes that were killed have left beside the results of a cloud.
+
+    Args:
+        folder: of the batch.
+        key: of the cloud.
+        process: number of the process; None for all of them.
+    """
+    from dlogen.files import temporary_prefix
+
+    for path in Path(folder, key).parent.glob(f"{temporary_prefix(process)}*"):
+        with contextlib.suppress(OSError):
+            path.unlink()
+
+
 def _read(task: Task) -> Cloud:
     from dlogen.clouds import read_cloud
 
     if task.content is None:
+        # Pipes are for dlogen fit: opening one waits until somebody writes to it.
+        if os.path.exists(task.cloud) and not os.path.isfile(task.cloud):  # noqa: PTH110, PTH113
+            what = "a folder" if os.path.isdir(task.cloud) else "a pipe or a device"  # noqa: PTH112
+            raise InputError(f"it is {what}, not a file", "name the clouds in it, or copy it to a file")
         return read_cloud(task.cloud)
     # Readers look at sizes and seek: they want a file.
     with tempfile.TemporaryDirectory(prefix="dlogen-") as folder:

@@ -29,21 +29,22 @@ def main() -> None:
     # All that most clouds need, so that a limit of memory or time is about the cloud.
     for module in _NEEDED:
         importlib.import_module(module)
+    tasks: queue.SimpleQueue[Task] = queue.SimpleQueue()
+    # Before there is a limit: its stack is memory as well.
+    threading.Thread(target=_listen, args=(inbox, tasks), daemon=True).start()
     if memory is not None:
         limit_memory(memory)
     _answer(outbox, "ready")
-    tasks: queue.SimpleQueue[Task] = queue.SimpleQueue()
-    threading.Thread(target=_listen, args=(inbox, tasks), daemon=True).start()
     while True:
         _answer(outbox, work(plan, tasks.get()))
 
 
 def _listen(inbox: BinaryIO, tasks: queue.SimpleQueue[Task]) -> None:
-    while True:
-        try:
+    try:
+        while True:
             tasks.put(pickle.load(inbox))
-        except (EOFError, OSError, pickle.UnpicklingError):
-            os._exit(0)
+    finally:  # the parent is gone, or speaks another language
+        os._exit(0)
 
 
 def _answer(outbox: BinaryIO, what: Any) -> None:
@@ -60,7 +61,9 @@ def limit_memory(limit: int) -> None:
 
     with open("/proc/self/statm", encoding="ascii") as stream:  # noqa: PTH123
         taken = int(stream.read().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (taken + limit, resource.RLIM_INFINITY))
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    wanted = [taken + limit] + [value for value in (soft, hard) if value != resource.RLIM_INFINITY]
+    resource.setrlimit(resource.RLIMIT_AS, (min(wanted), hard))
 
 
 def can_limit_memory() -> bool:

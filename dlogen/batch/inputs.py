@@ -84,7 +84,7 @@ def find_items(
         cloud = items[min(lost)].cloud
         raise UsageError(f"results would overwrite the cloud {shown(cloud)}", "choose another folder with -o")
     # An earlier run has written them.
-    return with_unique_keys([item for i, item in enumerate(found) if i not in lost], outputs)
+    return [item for i, item in enumerate(items) if i not in lost]
 
 
 class _Finder:

@@ -275,6 +275,7 @@ def test_messages_are_readable(make: Make) -> None:
         ("b/../../work/x.ply", "x"),
         ("../other/x.ply", "x"),
         ("..x.ply", "..x"),
+        ("..b/x.ply", "..b/x"),
         ("...ply", "...ply"),
         (".ply", ".ply"),
         ("b/..ply", "b/..ply"),
@@ -360,8 +361,8 @@ def test_a_longer_key_can_collide_in_its_turn(make: Make) -> None:
 
 
 def test_a_file_does_not_take_the_place_of_a_folder(make: Make) -> None:
-    make("c/x.ply", "c/x.json/y.ply", "c/z_description/w.ply", "c/z.ply")
-    assert keys("c", outputs=Outputs.parse("json,ros2").files) == ["x.ply", "z.ply", "x.json/y", "z_description/w"]
+    make("c/x.ply", "c/x.json/a/y.ply", "c/z_description/w.ply", "c/z.ply")
+    assert keys("c", outputs=Outputs.parse("json,ros2").files) == ["x.ply", "z.ply", "x.json/a/y", "z_description/w"]
 
 
 def test_a_cloud_without_an_ending_leaves_its_place_to_none(make: Make) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,10 @@ from dlogen.formats import model_format, model_formats
 
 if TYPE_CHECKING:
     from dlogen.model import Result
+
+
+#: Among the names of formats; none of them has it.
+_PICTURE = "plot"
 
 
 @dataclass(frozen=True)
@@ -36,6 +41,17 @@ class Outputs:
         """From names with commas between them, or `all`."""
         names = [item.name for item in model_formats()] if formats == "all" else formats.split(",")
         return cls(tuple(dict.fromkeys(name.strip() for name in names if name.strip())), plot)
+
+    @classmethod
+    def of(cls, names: Iterable[str]) -> Outputs:
+        """The opposite of `names`."""
+        names = tuple(names)
+        return cls(tuple(name for name in names if name != _PICTURE), _PICTURE in names)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What is written, in words."""
+        return (*self.formats, *([_PICTURE] if self.plot else []))
 
     def files(self, stem: str) -> tuple[str, ...]:
         """Names of the files, or of the folders that they are in, known before there is anything to write."""

@@ -41,6 +41,7 @@ _COLUMNS = {
     "sha256": "TEXT",
     "digest": "TEXT",
     "version": "TEXT",
+    "formats": "TEXT",
 }
 
 
@@ -59,6 +60,7 @@ class Row:
         size, modified_ns, sha256: of the cloud's file.
         digest: of settings, wanted files and version.
         version: of dlogen.
+        formats: of which it has, or may have, files that a batch made; `Outputs.names` with blanks between them.
     """
 
     key: str
@@ -78,6 +80,7 @@ class Row:
     sha256: str | None = None
     digest: str | None = None
     version: str | None = None
+    formats: str = ""
 
     def values(self) -> dict[str, Any]:
         """By column."""
@@ -95,7 +98,7 @@ class Row:
 
     def to_dict(self) -> dict[str, Any]:
         """As it stands in the lines of `--json`: without what is empty or only for dlogen itself."""
-        own = ("hint", "timings", "size", "modified_ns", "digest", "version")
+        own = ("hint", "timings", "size", "modified_ns", "digest", "version", "formats")
         out = {name: value for name, value in self.values().items() if value is not None and name not in own}
         if self.findings is not None:
             out["findings"] = self.findings.split()

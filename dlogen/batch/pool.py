@@ -147,7 +147,7 @@ class Worker:
                 if timer is not None:
                     timer.cancel()
             if self._plan.folder is not None:
-                remove_temporaries(self._plan.folder, task.key, process.pid)
+                remove_temporaries(self._plan.folder, task.key, self._plan.outputs, process.pid)
             if timer is not None and timer.passed:
                 hint = "give it more --timeout, or look at the cloud with dlogen info"
                 return Outcome(task.key, Failure("timeout", f"took longer than {self._timeout:g} s", hint))

@@ -15,9 +15,10 @@ from dlogen._version import __version__
 from dlogen.batch.inputs import Item
 from dlogen.batch.ledger import Ledger, Row
 from dlogen.batch.pool import Pool
-from dlogen.batch.work import Failure, Outcome, Plan, Task, failure_of, write_files
+from dlogen.batch.work import Failure, Outcome, Plan, Task, failure_of, paths_of, remove_temporaries, write_files
 from dlogen.config_reader import read_text
 from dlogen.errors import ConfigError, DlogenError, OutputError
+from dlogen.outputs import Outputs
 
 #: Failures that need not come again: they may be due to the machine and what else ran there.
 _OF_THE_MACHINE = ("timeout", "memory", "worker-died")
@@ -59,9 +60,9 @@ class Batch:
         self.folder, self.plan, self.ledger = folder, plan, ledger
         self.settings = settings or Settings()
         before = {row.key: row for row in ledger.rows()}
-        self._remove_unfinished(before)
-        # Their files are ours.
-        self._known = {key for key, row in before.items() if row.code != "output"}
+        #: Key -> formats of which there are files that batches made.
+        self._made = {key: row.formats for key, row in before.items() if row.formats}
+        self._remove_unfinished(items, before)
         self.kept: list[Row] = []
         self.todo: list[Item] = []
         for item in items:
@@ -90,13 +91,14 @@ class Batch:
         def tasks() -> Iterator[Task]:
             for item in self.todo:
                 task, row = self._task(item)
-                if not self.settings.force and row.key not in self._known:
-                    existing = next(filter(os.path.lexists, self._files(item.key)), None)
-                    if existing is not None:
-                        hint = "use --force to overwrite, or -o for another folder"
-                        failure = Failure("output", f"output exists: {shown(str(existing))}", hint)
-                        refused.append(self._failed(item.key, row, failure))
-                        continue
+                existing = self._of_others(item.key, row)
+                if existing is None:
+                    row.formats = self._with_wanted(row.formats)
+                elif not self.settings.force:
+                    hint = "use --force to overwrite, or -o for another folder"
+                    failure = Failure("output", f"output exists: {shown(str(existing))}", hint)
+                    refused.append(self._failed(row, failure))
+                    continue
                 self.ledger.write(row)
                 under_way[item.key] = row
                 yield task if not self.settings.ship else self._shipped(task)
@@ -119,6 +121,7 @@ class Batch:
         size, modified = _stat(item.cloud)
         row = Row(shown(item.key), shown(item.cloud), "running", size=size, modified_ns=modified)
         row.digest, row.version = self.plan.digest(task), __version__
+        row.formats = self._made.get(row.key, "")
         return task, row
 
     def _shipped(self, task: Task) -> Task:
@@ -148,23 +151,40 @@ class Batch:
             )
         row.sha256, row.seconds = outcome.sha256, outcome.seconds
         if failure is not None:
-            return self._failed(outcome.key, row, failure)
+            # A model of what the cloud or the settings were before would pass for one of what they are now.
+            _remove(paths_of(self.folder, outcome.key, Outputs.of(row.formats.split())))
+            row.formats = ""
+            return self._failed(row, failure)
         row.status, row.verdict = "done", outcome.verdict
+        row.formats = self._with_wanted(row.formats)
         row.findings, row.figures = " ".join(outcome.findings), dict(outcome.figures)
         row.timings = json.dumps({stage: round(seconds, 6) for stage, seconds in outcome.timings.items()})
         self.ledger.write(row)
         return row
 
-    def _failed(self, key: str, row: Row, failure: Failure) -> Row:
+    def _failed(self, row: Row, failure: Failure) -> Row:
         row.status, row.code, row.error = "failed", failure.code, shown(failure.message)
         row.hint, row.stage = failure.hint, failure.stage
-        if row.key in self._known:
-            # A model of what the cloud or the settings were before would pass for one of what they are now.
-            for path in self._files(key):
-                with contextlib.suppress(OSError):
-                    path.unlink()
         self.ledger.write(row)
         return row
+
+    def _remove_unfinished(self, items: Sequence[Item], rows: dict[str, Row]) -> None:
+        """Temporary files of a run that was killed, beside the summary and the results that were under way."""
+        unfinished = {row.key: row.formats for row in rows.values() if row.status == "running"}
+        remove_temporaries(self.folder, "", self.plan.outputs)
+        # What is not Unicode has another name in the records.
+        odd = {item.key: shown(item.key) for item in items if shown(item.key) in unfinished} if unfinished else {}
+        for key, formats in (unfinished | {key: unfinished[name] for key, name in odd.items()}).items():
+            remove_temporaries(self.folder, key, Outputs.of(self._with_wanted(formats).split()))
+
+    def _with_wanted(self, formats: str) -> str:
+        return " ".join(dict.fromkeys((*formats.split(), *self.plan.outputs.names)))
+
+    def _of_others(self, key: str, row: Row) -> Path | None:
+        """A file in the place of a result that no batch has made."""
+        ours = set(paths_of(self.folder, key, Outputs.of(row.formats.split()))) if row.formats else set()
+        wanted = paths_of(self.folder, key, self.plan.outputs)
+        return next((path for path in wanted if path not in ours and os.path.lexists(path)), None)
 
     def _is_up_to_date(self, item: Item, row: Row) -> bool:
         """Whether nothing has changed since that record was made."""
@@ -181,24 +201,19 @@ class Batch:
                 return False
             row.modified_ns = now.modified_ns
             self.ledger.write(row)
-        return row.status == "failed" or all(os.path.lexists(path) for path in self._files(item.key))
-
-    def _files(self, key: str) -> list[Path]:
-        folder, _, stem = key.rpartition("/")
-        return [self.folder / folder / name for name in self.plan.outputs.files(stem)]
-
-    def _remove_unfinished(self, rows: dict[str, Row]) -> None:
-        """Temporary files of a run that was killed: they are beside the results of clouds that were under way."""
-        for row in rows.values():
-            if row.status == "running":
-                for path in (self.folder / row.key).parent.glob(".dlogen-*"):
-                    with contextlib.suppress(OSError):
-                        path.unlink()
+        return row.status == "failed" or all(map(os.path.lexists, paths_of(self.folder, item.key, self.plan.outputs)))
 
 
 def shown(text: str) -> str:
     """A file name as Unicode: names need not be, the records are."""
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
+def _remove(paths: list[Path]) -> None:
+    """Remove files. Folders stay: another cloud may be about to be written there."""
+    for path in paths:
+        with contextlib.suppress(OSError):
+            path.unlink()
 
 
 def _drained(rows: list[Row]) -> Iterator[Row]:

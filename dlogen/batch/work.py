@@ -167,19 +167,27 @@ def write_files(folder: str, key: str, files: dict[str, bytes]) -> None:
     write_all({place / name: data for name, data in files.items()})
 
 
-def remove_temporaries(folder: str | Path, key: str, process: int | None = None) -> None:
+def paths_of(folder: str | Path, key: str, outputs: Outputs) -> list[Path]:
+    """The results of a cloud."""
+    above, _, stem = key.rpartition("/")
+    return [Path(folder, above, name) for name in outputs.files(stem)]
+
+
+def remove_temporaries(folder: str | Path, key: str, outputs: Outputs, process: int | None = None) -> None:
     """Remove what processes that were killed have left beside the results of a cloud.
 
     Args:
         folder: of the batch.
         key: of the cloud.
+        outputs: that it was to have.
         process: number of the process; None for all of them.
     """
     from dlogen.files import temporary_prefix
 
-    for path in Path(folder, key).parent.glob(f"{temporary_prefix(process)}*"):
-        with contextlib.suppress(OSError):
-            path.unlink()
+    for place in {path.parent for path in paths_of(folder, key, outputs)}:
+        for path in place.glob(f"{temporary_prefix(process)}*"):
+            with contextlib.suppress(OSError):
+                path.unlink()
 
 
 def _read(task: Task) -> Cloud:

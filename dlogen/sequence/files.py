@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,8 @@ import numpy as np
 
 from dlogen._version import __version__
 from dlogen.basis import basis_from_dict
+from dlogen.batch.ledger import Row
+from dlogen.batch.run import shown
 from dlogen.config import Config
 from dlogen.console import dump_json
 from dlogen.mdtw import mdtw
@@ -29,15 +31,20 @@ SCHEMA = "dlogen.sequence/1"
 _POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
 
-def read_fit(path: Path, name: str, *, keep_doubtful: bool = False) -> Observed:
+def observed_of(rows: Mapping[str, Row], key: str, folder: Path, *, keep_doubtful: bool = False) -> Observed:
     """A frame as its fit has written it.
 
     Args:
-        path: the chain, NAME.json; the report NAME.report.json is beside it.
-        name: of the frame.
+        rows: records of the fits by key.
+        key: of the frame; the chain is KEY.json, its report KEY.report.json.
+        folder: of the fits.
         keep_doubtful: go by the frame although its verdict is doubtful.
     """
-    chain, report = _read(path), _read(path.with_name(f"{path.stem}.report.json"))
+    name = shown(key)
+    row = rows.get(name)
+    if row is None or row.status != "done":
+        return Observed(name, None, problem=row.error if row and row.error else "it has not been fitted")
+    chain, report = _read(folder / f"{key}.json"), _read(folder / f"{key}.report.json")
     quality = chain["quality"]
     problem = None
     if quality["verdict"] != "good" and not (keep_doubtful and quality["verdict"] == "doubtful"):
@@ -64,7 +71,7 @@ def result_of(motion: Motion, path: Path, config: Config, name: str) -> Result:
         config: what the model is made with.
         name: of the model.
     """
-    data, report = _read(path), _read(path.with_name(f"{path.stem}.report.json"))
+    data, report = _read(path), _read(path.with_name(f"{path.name.removesuffix('.json')}.report.json"))
     common, chain = motion.common, motion.chain
     back = -1 if common.reverse[common.reference] else 1
     basis = data["skeleton"]["basis"]
@@ -213,22 +220,15 @@ def _size(size: Size) -> dict[str, float | None]:
 
 
 def contents(
-    motion: Motion,
-    result: Result,
-    formats: Sequence[str],
-    *,
-    time_source: str | None = None,
-    rate: float | None = None,
-    plot: bool = False,
+    motion: Motion, result: Result, report: dict[str, Any], formats: Sequence[str], *, plot: bool = False
 ) -> dict[str, bytes]:
     """All files of a recording by name.
 
     Args:
         motion: poses of the common model.
         result: the model, of `result_of`.
+        report: of `sequence_dict`.
         formats: names of model formats.
-        time_source: where the times are from; see `dlogen.sequence.times`.
-        rate: frames a second, if that was said.
         plot: whether a picture is among them.
 
     Raises:
@@ -242,7 +242,7 @@ def contents(
         made |= model_format(name).write(result, result.name)
     made["trajectory.csv"] = trajectory_csv(motion, hinge_names)
     made["trajectory.npz"] = trajectory_npz(motion, hinge_names)
-    made["sequence.json"] = dump_json(sequence_dict(motion, result, time_source=time_source, rate=rate)).encode()
+    made["sequence.json"] = dump_json(report).encode()
     if plot:
         from dlogen.sequence.picture import motion_picture
 

@@ -1,0 +1,213 @@
+"""`dlogen sequence`: a recording of one object to one model and its motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dlogen.cli import Command
+from dlogen.console import Console, print_json
+
+if TYPE_CHECKING:
+    from dlogen.config import Config
+    from dlogen.sequence.motion import Motion
+
+_EXAMPLES = """Examples:
+
+\b
+  dlogen sequence recording --rate 30 -o motion
+  dlogen sequence 'recording/*.pcd' -o motion --set material.preset=rope --format urdf,mjcf,sdf
+  dlogen sequence @recording.csv -o motion --plot
+  dlogen sequence recording -o motion --json | jq -r '.frames[] | select(.state != "good") | .name'
+"""
+
+#: Stem of the model's files.
+NAME = "model"
+
+#: Frames that are named on stderr; all are in the report.
+_MOST_NAMED = 20
+
+
+@click.command(cls=Command, epilog=_EXAMPLES)
+@click.argument("inputs", metavar="FRAMES...", nargs=-1, required=True)
+@click.option("-o", "--output", "folder", metavar="DIR", required=True, help="Folder for the results.")
+@click.option(
+    "--rate",
+    type=click.FloatRange(0.0, min_open=True),
+    metavar="HZ",
+    help="Frames a second, where the numbers in the names are not times.",
+)
+@click.option("-j", "--jobs", type=click.IntRange(1), metavar="N", help="Worker processes.  [default: all cores]")
+@click.option("-c", "--config", "config_path", metavar="FILE", help="YAML configuration (see dlogen config show).")
+@click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Set one configuration key; repeatable.")
+@click.option("--profile", type=click.Choice(["refined", "paper"]), help="Shorthand for --set profile=...")
+@click.option(
+    "--format",
+    "formats",
+    metavar="NAME,...",
+    default="urdf,mjcf",
+    show_default=True,
+    help="Model formats to write (see dlogen formats), or all.",
+)
+@click.option("--keep-doubtful", is_flag=True, help="Go by frames whose verdict is doubtful as well.")
+@click.option("--smooth", is_flag=True, help="Even out the noise from frame to frame.")
+@click.option("--plot", is_flag=True, help="Write a picture, sequence.png (needs matplotlib: dlogen[plots]).")
+@click.option(
+    "--timeout", type=click.FloatRange(0.0, min_open=True), metavar="SECONDS", help="Time that a frame may take."
+)
+@click.option("--scheduler", metavar="ADDRESS", help="Let a Dask cluster do the fits (needs dlogen[distributed]).")
+@click.option(
+    "--scheduler-file", metavar="FILE", help="As --scheduler, with the address from the scheduler's own file."
+)
+@click.option("--ship", is_flag=True, help="Send clouds and results: the cluster does not see the files here.")
+@click.option("--force", is_flag=True, help="Fit all frames again, and overwrite files of others.")
+@click.option("--strict", is_flag=True, help="Exit 1 unless all frames are good.")
+@click.option("--json", "as_json", is_flag=True, help="Print the report as JSON to stdout.")
+def command(
+    inputs: tuple[str, ...],
+    folder: str,
+    rate: float | None,
+    jobs: int | None,
+    config_path: str | None,
+    overrides: tuple[str, ...],
+    profile: str | None,
+    formats: str,
+    keep_doubtful: bool,
+    smooth: bool,
+    plot: bool,
+    timeout: float | None,
+    scheduler: str | None,
+    scheduler_file: str | None,
+    ship: bool,
+    force: bool,
+    strict: bool,
+    as_json: bool,
+    console: Console,
+) -> None:
+    """Make one model of an object from a recording, and its motion.
+
+    FRAMES are clouds as for dlogen batch: files, a folder, a quoted glob, @LIST (a CSV may have a column time). Each is
+    fitted on its own, in DIR/frames; run again, only what is missing or has changed is fitted.
+
+    Writes model.urdf and model.xml (MJCF, with a keyframe for each frame), trajectory.csv and trajectory.npz (time,
+    pose of the base, joint values, error and state of each frame) and sequence.json. Frames that fail, are doubtful or
+    do not fit in are named, and filled in from their neighbours.
+    """
+    from dlogen.batch.follow import follow
+    from dlogen.batch.inputs import find_items
+    from dlogen.batch.ledger import NAME as LEDGER
+    from dlogen.batch.ledger import Ledger
+    from dlogen.batch.pool import LocalPool, Pool
+    from dlogen.batch.run import Batch, Settings
+    from dlogen.batch.work import Plan
+    from dlogen.commands.batch import cores, scheduler_address
+    from dlogen.config import load_config
+    from dlogen.errors import FitError
+    from dlogen.files import refuse_existing, write_all
+    from dlogen.formats import model_format
+    from dlogen.outputs import Outputs
+    from dlogen.sequence.times import frame_times
+
+    given = (*overrides, *([f"profile={profile}"] if profile else []))
+    config = _model_config(config_path, given, console)
+    address = scheduler_address(scheduler, scheduler_file, jobs, ship, console)
+    wanted = Outputs.parse(formats).formats
+    out, fits = Path(folder), Path(folder) / "frames"
+    expected = [name for item in wanted for name in model_format(item).files(NAME)]
+    expected += ["trajectory.csv", "trajectory.npz", "sequence.json", *(["sequence.png"] if plot else [])]
+    # What an earlier run has made is made again.
+    refuse_existing([out / name for name in expected], force or (fits / LEDGER).exists())
+
+    outputs = Outputs(("json",))
+    items = find_items(inputs, out=fits, own_configs=False, outputs=outputs.files)
+    times = frame_times([item.key for item in items], [item.time for item in items], rate)
+    items = [items[k] for k in times.order]
+    if times.assumed and len(items) > 1:
+        console.warning("the names of the frames hold no times: one frame a second is assumed")
+        console.hint("say how many there are a second: --rate HZ")
+
+    plan = Plan(None if ship else str(fits), load_config(config_path), given, outputs)
+    ledger = Ledger(fits)
+    try:
+        batch = Batch(items, fits, plan, ledger, Settings(force=force, ship=ship))
+        total = max(1, len(batch.todo))
+        pool: Pool
+        if address is None:
+            pool = LocalPool(plan, min(jobs or cores(), total), timeout=timeout)
+        else:
+            from dlogen.batch.cluster import DaskPool
+
+            pool = DaskPool(plan, address, total, timeout=timeout, say=console.info)
+        follow(batch, pool, console, tolerant=True)
+        rows = {row.key: row for row in ledger.rows()}
+    finally:
+        ledger.close()
+
+    # Here: those who wait for an error in their call need not wait for numpy.
+    import numpy as np
+
+    from dlogen.config import AUTO
+    from dlogen.sequence.common import common_model
+    from dlogen.sequence.files import contents, observed_of, result_of, sequence_dict
+    from dlogen.sequence.motion import motion_of
+
+    with console.status("putting the frames together"):
+        observed = [observed_of(rows, item.key, fits, keep_doubtful=keep_doubtful) for item in items]
+        seconds = np.array(times.seconds)
+        common = common_model(
+            observed,
+            seconds,
+            segmentation=config.segmentation,
+            e_max=None if config.e_max == AUTO else config.e_max,
+            smooth=smooth,
+        )
+        motion = motion_of(common, seconds, config.joints)
+        result = result_of(motion, fits / f"{items[common.reference].key}.json", config, NAME)
+        said = sequence_dict(motion, result, time_source=times.source, rate=rate)
+        made = contents(motion, result, said, wanted, plot=plot)
+    write_all({out / name: data for name, data in made.items()})
+
+    _tell(motion, console)
+    console.info("wrote " + ", ".join(dict.fromkeys(str(out / Path(name).parts[0]) for name in made)))
+    if as_json:
+        print_json(said)
+    aside = sum(state != "good" for state in motion.states)
+    if strict and aside:
+        raise FitError(f"{aside} of {len(items)} frames are set aside", "see above, or leave --strict away", path=out)
+
+
+def _model_config(path: str | None, given: tuple[str, ...], console: Console) -> Config:
+    """What the model is made with: in a recording the base floats, and joint values are zero when straight."""
+    from dlogen.config import AUTO, Config, JointSettings, load_config
+
+    config = load_config(path, given, base=Config(joints=JointSettings(base="floating", zero="straight")))
+    if config.joints.base == "fixed":
+        console.warning("joints.base = fixed is not used: in a recording the base moves")
+    changes = {"joints.base": "floating"}
+    if config.profile == "paper" and config.segmentation.criterion == AUTO:
+        changes["segmentation.criterion"] = "paper"
+    return config.replace(changes)
+
+
+def _tell(motion: Motion, console: Console) -> None:
+    """The outcome in a few lines for people."""
+    common = motion.common
+    good = common.good
+    sizes, bend = common.sizes, common.bend
+    names = [item.name for item in common.observed]
+    worst = max((k for k in range(len(names)) if good[k]), key=lambda k: float(common.deviation[k]))
+    console.info(
+        f"{len(names)} frames, {motion.states.count('good')} good: {sizes.length.value:.4f} m long, radius "
+        f"{1e3 * sizes.radius.value:.2f} mm; {len(common.links)} segments of {1e3 * common.links[0]:.1f} mm; deviation "
+        f"{1e3 * common.deviation[worst]:.2f} mm at most, in {names[worst]} (allowed {1e3 * common.e_max:.2f}); "
+        f"bent to {bend.radius:.3g} m in {names[bend.frame]}"
+    )
+    aside = [(name, why, state) for name, why, state in zip(names, common.asides, motion.states, strict=True) if why]
+    for name, why, state in aside[:_MOST_NAMED]:
+        console.warning(f"{name} is {state}: {why.message} [{why.code}]")
+    if len(aside) > _MOST_NAMED:
+        console.warning(f"and {len(aside) - _MOST_NAMED} other frames: see sequence.json")
+    if common.deviation[worst] > common.e_max:
+        console.warning("the segments are too long to follow the tightest bends within e_max")

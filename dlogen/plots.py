@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -55,21 +55,34 @@ def fit_picture(result: Result) -> bytes:
 def _draw_views(axes: Axes, result: Result) -> None:
     """Two perpendicular views side by side in one frame: the widest one and the one from its side."""
     cloud = result.intermediates[0 if result.profile == "paper" else 1].points
+    # Who looks for what the chain misses has to see it; what is far away would only make the rest small.
+    left_out = np.concatenate([item.points for item in result.intermediates if item.name == "off_tube"] or [cloud[:0]])
+    room = 0.5 * np.ptp(cloud, axis=0).max()
+    left_out = left_out[((left_out > cloud.min(axis=0) - room) & (left_out < cloud.max(axis=0) + room)).all(axis=1)]
     centre = result.skeleton_points.mean(axis=0)
     main = np.linalg.svd(result.skeleton_points - centre, full_matrices=False)[2]
     # A straight line has no second direction of its own; any will do.
-    seen = [(part - centre) @ main.T for part in (cloud, result.skeleton_points, result.chain.joints)]
-    thinned = seen[0][:: max(1, len(cloud) // _DRAWN)]
-    unit, name = (1e3, "mm") if np.ptp(thinned[:, 0]) < 1.0 else (1.0, "m")
+    seen = [
+        (part - centre) @ main.T
+        for part in (
+            cloud[:: max(1, len(cloud) // _DRAWN)],
+            left_out[:: max(1, len(left_out) // _DRAWN)],
+            result.skeleton_points,
+            result.chain.joints,
+        )
+    ]
+    drawn = np.concatenate(seen[:2])
+    unit, name = (1e3, "mm") if np.ptp(drawn[:, 0]) < 1.0 else (1.0, "m")
     # The second view stands below the first, a tenth of the width apart.
-    gap = 0.1 * np.ptp(thinned[:, 0])
-    drop = thinned[:, 1].min() - gap - thinned[:, 2].max()
+    gap = 0.1 * np.ptp(drawn[:, 0])
+    drop = drawn[:, 1].min() - gap - drawn[:, 2].max()
     for column, shift in ((1, 0.0), (2, drop)):
         first = column == 1
-        points, line, joints = (np.stack([part[:, 0], part[:, column] + shift]) * unit for part in (thinned, *seen[1:]))
-        axes.plot(
-            *points, ".", color=GREY, markersize=1.5, alpha=0.6, label="points" if first else None, rasterized=True
-        )
+        points, others, line, joints = (np.stack([part[:, 0], part[:, column] + shift]) * unit for part in seen)
+        dots: dict[str, Any] = {"markersize": 1.5, "alpha": 0.6, "rasterized": True}
+        axes.plot(*points, ".", color=GREY, label="points" if first else None, **dots)
+        if others.size:
+            axes.plot(*others, ".", color=ORANGE, label="points left out" if first else None, **dots)
         axes.plot(*line, "-", color=BLUE, linewidth=1.5, label="skeleton line" if first else None)
         axes.plot(*joints, "o-", color=RED, linewidth=1.0, markersize=3.5, label="chain" if first else None)
     for finding in result.quality.findings:
@@ -87,7 +100,7 @@ def _draw_views(axes: Axes, result: Result) -> None:
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel(f"along the longest extent [{name}]; above from the front, below from the side")
     axes.set_ylabel(f"[{name}]")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=9, markerscale=2, frameon=False)
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, fontsize=9, markerscale=2, frameon=False)
 
 
 def _draw_curvature(axes: Axes, result: Result) -> None:

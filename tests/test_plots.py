@@ -44,6 +44,16 @@ def test_the_refined_profile_and_its_findings_are_drawn() -> None:
     assert [text.get_text() for text in axes.texts] == ["gap"]
 
 
+def test_points_that_were_left_out_are_drawn() -> None:
+    cloud = sample_tube(centre_line("bent"), 0.02, 3000, np.random.default_rng(5))
+    branch = np.array([0.9, 0.0, 0.0]) + np.random.default_rng(1).uniform(-0.01, 0.01, (200, 3)) + [[0.1, 0.0, 0.1]]
+    far_away = np.array([[100.0, 0.0, 0.0]])
+    axes = canvas(8, 6).add_subplot()
+    _draw_views(axes, fit(np.concatenate([cloud.points, branch, far_away])))
+    left_out = [line for line in axes.lines if line.get_label() == "points left out"]
+    assert [len(line.get_xdata()) for line in left_out] == [200]
+
+
 def test_the_views_show_all_joints_in_proportion(result: Result) -> None:
     axes = canvas(8, 6).add_subplot()
     _draw_views(axes, result)

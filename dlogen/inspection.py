@@ -43,7 +43,7 @@ def inspect(cloud: Cloud, units: str = "auto") -> dict[str, Any]:
         "dropped": {"non_finite": cloud.dropped.non_finite, "duplicates": cloud.dropped.duplicates},
         "normals": cloud.normals is not None,
         "viewpoint": None if cloud.viewpoint is None else (cloud.viewpoint * scale).tolist(),
-        "units": {"guess": guessed, "used": guessed if units == "auto" else units},
+        "units": {"guess": guessed, "used": guessed if units == "auto" else units, "given": units != "auto"},
         "minimum": (low * scale).tolist(),
         "maximum": (high * scale).tolist(),
         "extent": ((high - low) * scale).tolist(),

@@ -51,7 +51,7 @@ def _rows(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("organised", "no" if found["organised"] is None else "{} x {} pixels".format(*found["organised"])),
         ("normals stored", "yes" if found["normals"] else "no"),
         ("viewpoint", "none" if found["viewpoint"] is None else _vector(found["viewpoint"])),
-        ("units", f"{units['used']}" + ("" if units["used"] == units["guess"] else f" (looks like {units['guess']})")),
+        ("units", _units(units["used"], units["guess"], units["given"])),
         ("extent", _vector(found["extent"])),
         ("from", _vector(found["minimum"])),
         ("to", _vector(found["maximum"])),
@@ -69,6 +69,14 @@ def _rows(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("N", str(chosen["N"])),
         ("normals.neighbours", str(chosen["normals.neighbours"])),
     ]
+
+
+def _units(used: str, guess: str, given: bool) -> str:
+    """The units, and what follows from them for a fit."""
+    if used != guess:
+        return f"{used} (looks like {guess})"
+    # A fit takes numbers for metres unless told otherwise.
+    return used if given or used == "m" else f"{used} (a guess; fit with --set units={used})"
 
 
 def _vector(values: list[float]) -> str:

@@ -56,6 +56,13 @@ def test_for_people(tmp_path: Path) -> None:
     assert rows["units"] == "m"
 
 
+def test_guessed_units_say_what_a_fit_needs(tmp_path: Path) -> None:
+    write_cloud(tmp_path / "a.ply", CLOUD * 1000)
+    assert "mm (a guess; fit with --set units=mm)\n" in run(tmp_path / "a.ply").stdout
+    assert "units                  mm\n" in run(tmp_path / "a.ply", "--units", "mm").stdout
+    assert "m (looks like mm)\n" in run(tmp_path / "a.ply", "--units", "m").stdout
+
+
 def test_a_cloud_that_cannot_be_fitted_is_shown_with_the_reason(tmp_path: Path) -> None:
     write_cloud(tmp_path / "a.ply", CLOUD * [1, 1, 0])
     result = run(tmp_path / "a.ply", "--json")

@@ -54,7 +54,8 @@ def find_items(
 
     What exists is itself, whatever its name. Otherwise "-" is a list on stdin, "@FILE" is a list in a file, and what
     has wildcards is a glob. Keys are relative to the folder that was named, or to that before the first wildcard; of
-    clouds that are named themselves they are as named, or the name only where that leads out of the current folder.
+    clouds that are named themselves, and of several folders, they are as named, or start with the name only where that
+    leads out of the current folder.
 
     Args:
         inputs: as on the command line.
@@ -73,7 +74,7 @@ def find_items(
         from dlogen.outputs import Outputs
 
         outputs = Outputs().files
-    finder = _Finder(out, root, own_configs, stdin)
+    finder = _Finder(out, root, own_configs, stdin, several=sum(map(os.path.isdir, inputs)) > 1)
     found = without_repeats([item for text in inputs for item in finder.find(text)])
     if not found:
         raise UsageError("there are no clouds to work on", "name files or folders of clouds")
@@ -90,7 +91,9 @@ def find_items(
 class _Finder:
     """Makes items of inputs. Their keys are not yet checked against one another."""
 
-    def __init__(self, out: Path | None, root: str | None, own_configs: bool, stdin: BinaryIO | None) -> None:
+    def __init__(
+        self, out: Path | None, root: str | None, own_configs: bool, stdin: BinaryIO | None, several: bool
+    ) -> None:
         from dlogen.formats import cloud_formats
 
         endings = tuple(suffix for item in cloud_formats() for suffix in item.suffixes)
@@ -100,6 +103,8 @@ class _Finder:
         self._below_root: dict[str, str] = {}
         self._own_configs = own_configs
         self._stdin = stdin
+        #: Folders are told apart by their names.
+        self._several = several
         if root is not None and not os.path.isdir(root):
             raise UsageError(f"there is no folder {shown(root)}", nearest(root) or "--root takes a folder")
 
@@ -124,7 +129,8 @@ class _Finder:
 
     def _named_folder(self, path: str) -> Iterator[Item]:
         empty = True
-        for item in self._below(path):
+        parts = tuple(part for part in key_as_named(path).split("/") if part.strip(".")) if self._several else ()
+        for item in self._below(path, parts, named=True):
             empty = False
             yield item
         # Shells expand captures/* to all that is in it, also to the results of earlier runs.
@@ -207,17 +213,19 @@ class _Finder:
             config = next(filter(os.path.isfile, beside), None)
         return Item(opened(path), key.removesuffix(name) + stem, config, settings.overrides, settings.time)
 
-    def _below(self, top: str, parts: Parts = (), settings: Settings = NO_SETTINGS) -> Iterator[Item]:
+    def _below(
+        self, top: str, parts: Parts = (), settings: Settings = NO_SETTINGS, *, named: bool = False
+    ) -> Iterator[Item]:
         """The clouds in a folder and those below it; unless there is a root, their keys start with these parts.
 
         Raises:
-            InputError: it was named itself, which is where there are no parts, and cannot be listed.
+            InputError: it was named itself, and cannot be listed.
         """
         for folder in self._search.walk(top):
             above = (*parts, *folder.below)
             inside = os.path.join(folder.path, "")
             if folder.error is not None:
-                if not above:
+                if not folder.below and (named or not parts):
                     reason = f"cannot be listed: {folder.error.strerror or folder.error}"
                     raise InputError(reason, "check its permissions", path=shown(top or os.curdir))
                 yield self._file(folder.path, "/".join(above), settings)

@@ -58,6 +58,18 @@ def refusal(*inputs: str, kind: type[DlogenError] = UsageError, **more: Any) -> 
 # ---------------------------------------------------------------- folders
 
 
+def test_several_folders_keep_their_names(make: Make, tmp_path: Path) -> None:
+    make("captures/day1/x.ply", "captures/day2/x.ply", "captures/day2/a/y.ply", "z.ply")
+    assert keys("captures/day1", "captures/day2/") == ["captures/day1/x", "captures/day2/x", "captures/day2/a/y"]
+    assert keys(f"{tmp_path}/captures/day1", "captures/day2", "z.ply") == [
+        *("day1/x", "captures/day2/x", "captures/day2/a/y", "z")
+    ]
+    # What is in one of them is in the other as well.
+    assert keys("captures", "captures/day1") == ["captures/day1/x", "captures/day2/x", "captures/day2/a/y"]
+    assert keys(".", "captures/day1") == ["z", "captures/day1/x", "captures/day2/x", "captures/day2/a/y"]
+    assert keys("captures/day1", "captures/day2", root="captures") == ["day1/x", "day2/x", "day2/a/y"]
+
+
 def test_a_folder_is_searched_to_the_bottom_in_a_fixed_order(make: Make) -> None:
     names = ["b.ply", "a.pcd", "z/c.PLY", "m/n/d.Pcd", "m/e.ply", "m.x/f.ply", "notes.txt", "g.ply.gz", "ply"]
     make(*(f"captures/{name}" for name in names))
@@ -325,7 +337,8 @@ def test_the_same_file_twice_is_one_item(make: Make) -> None:
     make("c/x.ply", "c/y.ply")
     Path("link").symlink_to("c")
     assert clouds("c/x.ply", "c/y.ply", "./c/x.ply", "c//x.ply") == ["c/x.ply", "c/y.ply"]
-    assert clouds("c", "link", "c/*.ply", "c/**") == ["c/x.ply", "c/y.ply"]
+    assert clouds("c", "c/*.ply", "c/**") == ["c/x.ply", "c/y.ply"]
+    assert clouds("link", "link/*.ply", "c/**") == ["link/x.ply", "link/y.ply"]
     # Under another key it is another.
     assert keys("c/x.ply", "c") == ["c/x", "x", "y"]
 
@@ -378,7 +391,8 @@ def test_clouds_that_collide_nevertheless_are_refused(make: Make) -> None:
     # The hint can be followed.
     assert f"--root {here / 's'}:" in str(error.hint)
     assert keys("s/a", "s/b", "s/c", root=str(here / "s")) == ["a/x", "b/x", "c/y"]
-    refusal("s/a", "s/b")
+    make("t/a/x.ply")
+    refusal(str(here / "s" / "a"), str(here / "t" / "a"))
 
 
 def test_the_batch_keeps_its_own_files(make: Make) -> None:

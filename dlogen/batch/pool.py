@@ -155,6 +155,11 @@ class Worker:
                 break
         return Outcome(task.key, died(end))
 
+    @property
+    def closed(self) -> bool:
+        """Whether it has been closed: it takes no more tasks."""
+        return self._closed
+
     def close(self) -> None:
         """End the process, at once."""
         with self._lock:

@@ -297,7 +297,8 @@ def _paper_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock: _
     points = cloud.points
     with clock.stage("scale"):
         _check_radius(points, None if config.r == AUTO else config.r)
-        radius = estimate_scale(points).radius if config.r == AUTO else config.r
+        free = estimate_scale(points)
+        radius = free.radius if config.r == AUTO else config.r
         r_n = search_radius(points, radius) if config.r_n == AUTO else config.r_n
         settings["r"], settings["r_n"] = radius, r_n
         if r_n < 2.0 * radius:
@@ -356,7 +357,8 @@ def _paper_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock: _
         ),
         (
             *check_walk(skeleton, radius, s, on_tube, len(walk.unreached)),
-            *([] if config.r == AUTO else check_radius(radius, estimate_scale(points))),
+            *check_radius_along(skeleton, radius, s, distance),
+            *check_radius(None if config.r == AUTO else radius, free),
         ),
     )
 

@@ -52,10 +52,18 @@ def test_the_right_radius_is(cloud, profile: str) -> None:
     assert codes(dlogen.fit(cloud.points, {"profile": profile, "r": 0.015})) == {}
 
 
-def test_an_object_that_is_thicker_at_one_end(cloud) -> None:
+@pytest.mark.parametrize("profile", ["refined", "paper"])
+def test_an_object_that_is_thicker_at_one_end(cloud, profile: str) -> None:
     s, _ = cloud.truth.nearest(cloud.points)
     axis = cloud.truth(s)
-    assert "radius-varies" in codes(dlogen.fit(axis + (cloud.points - axis) * (1.4 - 0.8 * s)[:, None]))
+    tapered = axis + (cloud.points - axis) * (1.4 - 0.8 * s)[:, None]
+    assert "radius-varies" in codes(dlogen.fit(tapered, {"profile": profile}))
+
+
+@pytest.mark.parametrize("profile", ["refined", "paper"])
+def test_two_objects_side_by_side_are_not_called_good(cloud, profile: str) -> None:
+    both = np.concatenate([cloud.points, cloud.points + np.array([0.0, 0.0, 0.045])])
+    assert dlogen.fit(both, {"profile": profile}).quality.verdict != "good"
 
 
 def test_strands_side_by_side_with_a_given_radius() -> None:

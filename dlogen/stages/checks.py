@@ -119,13 +119,16 @@ def check_line(
     return findings
 
 
-def check_radius(radius: float, free: Scale) -> list[Finding]:
-    """Whether the cross-sections contradict a given radius.
+def check_radius(radius: float | None, free: Scale) -> list[Finding]:
+    """Whether the cross-sections contradict a given radius, or tell one if none was given.
 
     Args:
         radius: the given one, metres.
         free: the scale of the cloud, estimated without it.
     """
+    if radius is None:
+        message = f"the cross-sections do not agree on a radius; {1e3 * free.radius:.3g} mm is a guess: give r"
+        return [] if free.radius_reliable else [Finding("radius-unknown", message, "doubtful")]
     # The estimate is as uncertain as the noise is large.
     if not free.radius_reliable or abs(free.radius - radius) <= max(_CONTRADICTED * radius, free.noise):
         return []

@@ -149,7 +149,7 @@ class TestRadius:
     def test_a_given_radius_is_held_against_the_cross_sections(self, side) -> None:
         cloud = sample_tube(random_centre_line(3, clearance=0.08), 0.015, 5000, 0, noise=0.0005, side=side)
         free = estimate_scale(cloud.points)
-        for right in (0.014, 0.015, 0.016):
+        for right in (0.014, 0.015, 0.016, None):
             assert check_radius(right, free) == []
         for wrong in (0.010, 0.019):
             (finding,) = check_radius(wrong, free)
@@ -159,7 +159,10 @@ class TestRadius:
     def test_what_the_cloud_does_not_know_it_does_not_contradict(self) -> None:
         rng = np.random.default_rng(0)
         thread = np.c_[rng.random(3000), rng.normal(0.0, 0.002, (3000, 2))]
-        assert check_radius(0.001, estimate_scale(thread)) == []
+        free = estimate_scale(thread)
+        assert check_radius(0.001, free) == []
+        # But a guess is no radius.
+        assert codes(check_radius(None, free)) == {"radius-unknown": "doubtful"}
 
     @pytest.mark.parametrize("seed", range(5))
     def test_the_same_everywhere(self, exact_line, seed: int) -> None:

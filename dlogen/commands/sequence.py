@@ -198,9 +198,11 @@ def _tell(motion: Motion, console: Console) -> None:
     sizes, bend = common.sizes, common.bend
     names = [item.name for item in common.observed]
     worst = max((k for k in range(len(names)) if good[k]), key=lambda k: float(common.deviation[k]))
+    count = len(common.links)
+    segments = f"{count} segment{'s' if count > 1 else ''} of {1e3 * common.links[0]:.1f} mm"
     console.info(
         f"{len(names)} frames, {motion.states.count('good')} good: {sizes.length.value:.4f} m long, radius "
-        f"{1e3 * sizes.radius.value:.2f} mm; {len(common.links)} segments of {1e3 * common.links[0]:.1f} mm; deviation "
+        f"{1e3 * sizes.radius.value:.2f} mm; {segments}; deviation "
         f"{1e3 * common.deviation[worst]:.2f} mm at most, in {names[worst]} (allowed {1e3 * common.e_max:.2f}); "
         f"bent to {bend.radius:.3g} m in {names[bend.frame]}"
     )

@@ -299,14 +299,20 @@ def _is_killed_worker(error: BaseException) -> bool:
 
 def _connect(scheduler: str) -> Client:
     from distributed import Client
+    from distributed.comm import get_address_host_port
 
+    hint = "dask scheduler prints its address when it starts, such as tcp://10.0.0.1:8786"
+    try:
+        # A client with a wrong address takes half a minute to give up.
+        get_address_host_port(scheduler)
+    except ValueError as error:
+        raise UsageError(f"--scheduler {scheduler!r} is not an address: {error}", hint) from None
     try:
         return Client(scheduler, timeout=CONNECT_SECONDS, set_as_default=False, name="dlogen")
     except (OSError, ValueError, TypeError, ImportError, RuntimeError) as error:
         said = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise DlogenError(
-            f"cannot connect to a Dask scheduler at {scheduler}: {said}",
-            "dask scheduler prints its address when it starts, such as tcp://10.0.0.1:8786; is it reachable from here?",
+            f"cannot connect to a Dask scheduler at {scheduler}: {said}", f"{hint}; is it reachable from here?"
         ) from error
 
 

@@ -111,11 +111,11 @@ def serve(version: str, pickled: bytes) -> Reply:
     try:
         with _processes.lend(order.settings, settings) as process, _ended_when_unwanted(process):
             for task in order.tasks:
+                if process.closed or time.monotonic() - start > order.seconds:
+                    break
                 if task.content is None and not os.path.lexists(task.cloud):
                     unseen.append(task.key)
                 outcomes.append(process.work(task))
-                if time.monotonic() - start > order.seconds:
-                    break
     except DlogenError as error:
         return Reply(here, refusal=(f"the Dask worker {here}: {error.message}", error.hint))
     return Reply(here, tuple(outcomes), time.monotonic() - start, tuple(unseen))
@@ -146,6 +146,8 @@ class _Processes:
         except BaseException:
             worker.close()
             raise
+        if worker.closed:
+            return
         timer = threading.Timer(IDLE_SECONDS, self._end, (worker,))
         timer.daemon = True
         with self._lock:
@@ -198,3 +200,5 @@ def _ended_when_unwanted(process: Worker) -> Iterator[None]:
         yield
     finally:
         over.set()
+        # Or it would end the process when the next order has it.
+        watch.join()

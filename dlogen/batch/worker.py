@@ -6,10 +6,12 @@ The parent is told by end of file, on either side: a worker whose parent is gone
 from __future__ import annotations
 
 import importlib
+import math
 import os
 import pickle
 import queue
 import threading
+from dataclasses import replace
 from typing import Any, BinaryIO
 
 from dlogen.batch.work import Task, work
@@ -26,9 +28,13 @@ def main() -> None:
     inbox, outbox = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     plan, memory = pickle.load(inbox)
-    # All that most clouds need, so that a limit of memory or time is about the cloud.
+    # All that most clouds need, so that a limit of time is about the cloud.
     for module in _NEEDED:
         importlib.import_module(module)
+    if memory is not None:
+        # And that all else is there which is taken once and kept, such as the buffers of OpenBLAS: without room for
+        # those it ends the process, or tries for ever.
+        work(replace(plan, folder=None), Task("arc.ply", "arc", content=_arc()))
     tasks: queue.SimpleQueue[Task] = queue.SimpleQueue()
     # Before there is a limit: its stack is memory as well.
     threading.Thread(target=_listen, args=(inbox, tasks), daemon=True).start()
@@ -37,6 +43,23 @@ def main() -> None:
     _answer(outbox, "ready")
     while True:
         _answer(outbox, work(plan, tasks.get()))
+
+
+def _arc() -> bytes:
+    """A small cloud that is easy to work on: a bent tube, as a PLY file."""
+    lines = [
+        "ply",
+        "format ascii 1.0",
+        "element vertex 400",
+        *(f"property float {axis}" for axis in "xyz"),
+        "end_header",
+    ]
+    for i in range(400):
+        # Around the tube by the golden angle: even, and never twice in the same direction.
+        bend, turn = i / 400, 2.4 * i
+        distance = 0.4 + 0.01 * math.cos(turn)
+        lines.append(f"{distance * math.cos(bend)} {distance * math.sin(bend)} {0.01 * math.sin(turn)}")
+    return "\n".join([*lines, ""]).encode()
 
 
 def _listen(inbox: BinaryIO, tasks: queue.SimpleQueue[Task]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -45,8 +46,9 @@ FIGURES = (
 
 
 def figures_of(result: Result) -> dict[str, float]:
-    """All of them, by name."""
-    return {item.name: (int if item.whole else float)(item.of(result)) for item in FIGURES}
+    """All of them that are numbers, by name."""
+    values = {item.name: (int if item.whole else float)(item.of(result)) for item in FIGURES}
+    return {name: value for name, value in values.items() if math.isfinite(value)}
 
 
 @dataclass(frozen=True)
@@ -75,13 +77,15 @@ class Threshold:
             hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(names)}"
             raise UsageError(f"there is no figure {name!r}", hint)
         try:
-            return cls(name, float(limit))
+            value = float(limit)
         except ValueError:
-            raise UsageError(
-                f"{limit!r} is not a number", f"write FIGURE=LIMIT, such as {name}=0.01 (metres, or a count)"
-            ) from None
+            value = math.nan
+        if math.isnan(value):
+            hint = f"write FIGURE=LIMIT, such as {name}=0.01 (metres, or a count)"
+            raise UsageError(f"{limit!r} is not a number", hint)
+        return cls(name, value)
 
     def exceeded(self, figures: dict[str, Any]) -> bool:
         """Whether a cloud's figure is above the limit; a cloud without figures does not count."""
         value = figures.get(self.name)
-        return value is not None and not value <= self.limit
+        return value is not None and bool(value > self.limit)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import signal
+import sys
 import time
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
@@ -14,7 +15,8 @@ import click
 
 from dlogen.batch.figures import Threshold
 from dlogen.batch.ledger import Row
-from dlogen.batch.pool import Pool
+from dlogen.batch.paths import shown
+from dlogen.batch.pool import NotStarted, Pool
 from dlogen.batch.progress import duration, progress
 from dlogen.batch.run import Batch
 from dlogen.batch.summary import CSV_NAME, Causes, write_summary
@@ -52,41 +54,46 @@ def follow(
     """
     tally = _Tally(thresholds, strict)
     start = time.monotonic()
+    total = len(batch.kept) + len(batch.todo)
     if batch.kept:
-        console.info(f"{len(batch.kept)} of {len(batch.kept) + len(batch.todo)} clouds are done already")
+        failed = sum(row.status == "failed" for row in batch.kept)
+        before = f", {failed} failed before: --retry does them again" if failed else ""
+        console.info(f"{len(batch.kept) - failed} of {_clouds(total)} are done already{before}")
+    # What else is written to the terminal would mix with a bar.
+    bar = console.level == 0 and not (as_json and sys.stdout.isatty())
     try:
-        with _terminable(), contextlib.closing(_rows(batch, pool, console)) as rows:
+        with _terminable(), contextlib.closing(_rows(batch, pool, console, bar)) as rows:
             for row, kept in rows:
                 tally.add(row)
                 if as_json:
                     more = {"kept": True} if kept else {}
-                    click.echo(json.dumps(row.to_dict() | more, ensure_ascii=False, allow_nan=False))
+                    line = json.dumps(row.to_dict() | more, ensure_ascii=False, allow_nan=False)
+                    # JSON is UTF-8, whatever the terminal is.
+                    click.echo(line.encode())
                 elif not kept:
                     console.detail(_line(row))
         write_summary(batch.ledger, batch.folder)
-    except KeyboardInterrupt as stop:
-        number = stop.number if isinstance(stop, _Terminated) else int(signal.SIGINT)
-        with contextlib.suppress(OutputError):
+    except BaseException as error:
+        # Summed up as far as it came; a second Ctrl-C leaves that away.
+        with contextlib.suppress(OutputError, KeyboardInterrupt):
             write_summary(batch.ledger, batch.folder)
-        raise Interrupted(
-            f"interrupted: {tally.ended} of {len(batch.kept) + len(batch.todo)} clouds are done and recorded",
-            "run the same command again: it goes on where it stopped",
-            signal=number,
-        ) from None
-    except OutputError as error:
-        with contextlib.suppress(OutputError):
-            write_summary(batch.ledger, batch.folder)
-        ended = f"{tally.ended} of {len(batch.kept) + len(batch.todo)} clouds are done and recorded"
-        raise DlogenError(f"{error.message}; {ended}", error.hint, path=error.path) from error
+        ended = f"{tally.ended} of {_clouds(total)} are done and recorded"
+        if isinstance(error, KeyboardInterrupt):
+            number = error.number if isinstance(error, _Terminated) else int(signal.SIGINT)
+            hint = "run the same command again: it goes on where it stopped"
+            raise Interrupted(f"interrupted: {ended}", hint, signal=number) from None
+        if isinstance(error, (OutputError, NotStarted)):
+            raise DlogenError(f"{error.message}; {ended}", error.hint, path=error.path) from error
+        raise
     tally.tell(batch, console, time.monotonic() - start, tolerant)
 
 
-def _rows(batch: Batch, pool: Pool, console: Console) -> Generator[tuple[Row, bool], None, None]:
+def _rows(batch: Batch, pool: Pool, console: Console, bar: bool) -> Generator[tuple[Row, bool], None, None]:
     """All records, and whether each was there before. Shows the progress of the others."""
     for row in batch.kept:
         yield row, True
     done = failed = 0
-    with progress(console, len(batch.todo)) as show, contextlib.closing(batch.run(pool)) as rows:
+    with progress(console, len(batch.todo), bar=bar) as show, contextlib.closing(batch.run(pool)) as rows:
         for row in rows:
             failed += row.status == "failed"
             done += row.status != "failed"
@@ -141,9 +148,9 @@ class _Tally:
         for limit in self.thresholds:
             if limit.exceeded(row.figures):
                 text = f"{limit.name} is above {limit.limit:g}"
-                self.above.setdefault(text, []).append(f"{row.cloud} ({row.figures[limit.name]:.6g})")
+                self.above.setdefault(text, []).append(f"{shown(row.cloud)} ({row.figures[limit.name]:.6g})")
         if self.strict and verdict != "good":
-            self.above.setdefault("the verdict is not good", []).append(f"{row.cloud} ({verdict})")
+            self.above.setdefault("the verdict is not good", []).append(f"{shown(row.cloud)} ({verdict})")
 
     def tell(self, batch: Batch, console: Console, seconds: float, tolerant: bool) -> None:
         """The outcome in a few lines.
@@ -157,7 +164,7 @@ class _Tally:
         )
         worked = f" in {duration(seconds)}" if batch.todo else ", nothing to do"
         console.info(
-            f"{total} clouds{worked}: {total - self.failed} done"
+            f"{_clouds(total)}{worked}: {total - self.failed} done"
             + (f" ({verdicts})" if verdicts else "")
             + f", {self.failed} failed; {batch.folder / CSV_NAME}"
         )
@@ -165,7 +172,9 @@ class _Tally:
         for cause in causes[:_MOST_NAMED]:
             more = ", ..." if cause.count > len(cause.clouds) else ""
             stage = f"{cause.stage}: " if cause.stage else ""
-            console.warning(f"{cause.count} x {stage}{cause.error} [{cause.code}]: {', '.join(cause.clouds)}{more}")
+            console.warning(
+                f"{cause.count} x {stage}{cause.error} [{cause.code}]: {', '.join(map(shown, cause.clouds))}{more}"
+            )
             if cause.hint:
                 console.hint(cause.hint)
         if len(causes) > _MOST_NAMED:
@@ -173,17 +182,21 @@ class _Tally:
         for text, clouds in self.above.items():
             more = f" and {len(clouds) - _MOST_NAMED} more" if len(clouds) > _MOST_NAMED else ""
             console.warning(f"{len(clouds)} x {text}: {', '.join(clouds[:_MOST_NAMED])}{more}")
-        wrong = [f"{self.failed} of {total} clouds failed"] if self.failed and not tolerant else []
+        wrong = [f"{self.failed} of {_clouds(total)} failed"] if self.failed and not tolerant else []
         wrong += [f"of {len(clouds)} {text}" for text, clouds in self.above.items()]
         if wrong:
             raise DlogenError("; ".join(wrong), f"{batch.folder / CSV_NAME} names them all")
 
 
+def _clouds(number: int) -> str:
+    return "1 cloud" if number == 1 else f"{number} clouds"
+
+
 def _line(row: Row) -> str:
     if row.status == "failed":
-        return f"{row.cloud}: {row.error} [{row.code}]"
+        return f"{shown(row.cloud)}: {row.error} [{row.code}]"
     findings = f" ({row.findings})" if row.findings else ""
     return (
-        f"{row.cloud}: {row.figures['length']:.4f} m, {row.figures['segment_count']} segments, "
-        f"deviation {1e3 * (row.figures['max_deviation'] or 0.0):.2f} mm, {row.verdict}{findings}"
+        f"{shown(row.cloud)}: {row.figures['length']:.4f} m, {row.figures['segment_count']} segments, "
+        f"deviation {1e3 * (row.figures.get('max_deviation') or 0.0):.2f} mm, {row.verdict}{findings}"
     )

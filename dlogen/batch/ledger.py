@@ -156,7 +156,7 @@ class Ledger:
     def rows(self) -> Iterator[Row]:
         """All records, in the order of their keys."""
         with self._errors():
-            for row in self._database.execute("SELECT * FROM clouds ORDER BY key"):
+            for row in self._database.execute(_READ):
                 yield Row.of(dict(row))
 
     def write(self, row: Row) -> None:
@@ -179,15 +179,16 @@ class Ledger:
         try:
             yield
         except sqlite3.Error as error:
-            full = "full" in str(error)
-            hint = (
-                "free some space and run the same command again: it goes on where it stopped"
-                if full
-                else "check its permissions; if the file is damaged, rename it, and all clouds are done again"
-            )
+            if "full" in str(error):
+                hint = "free some space and run the same command again: it goes on where it stopped"
+            elif type(error) is sqlite3.DatabaseError or "column" in str(error):
+                hint = "the file is damaged, or not of dlogen: rename it, and all clouds are done again"
+            else:
+                hint = "choose another folder with -o, or check its permissions and free space"
             raise OutputError(f"cannot keep the records: {error}", hint, path=self.path, for_all=True) from error
 
 
+_READ = f"SELECT {', '.join(_COLUMNS)} FROM clouds ORDER BY key"
 _WRITE = f"INSERT OR REPLACE INTO clouds ({', '.join(_COLUMNS)}) VALUES ({', '.join('?' * len(_COLUMNS))})"
 
 
@@ -196,12 +197,13 @@ def _lock(folder: Path) -> sqlite3.Connection:
 
     An exclusive transaction on an empty database: a lock that works in the same way on all systems.
     """
-    path = folder / LOCK
-    lock = sqlite3.connect(path, isolation_level=None, timeout=0.0)
+    lock = None
     try:
+        lock = sqlite3.connect(folder / LOCK, isolation_level=None, timeout=0.0)
         lock.execute("BEGIN EXCLUSIVE")
     except sqlite3.Error as error:
-        lock.close()
+        if lock is not None:
+            lock.close()
         if "locked" in str(error):
             raise UsageError(
                 "another dlogen process is writing to this folder",

@@ -18,19 +18,20 @@ _FIRST, _LATER, _LATER_AFTER = 10.0, 60.0, 600.0
 
 
 @contextmanager
-def progress(console: Console, total: int) -> Iterator[Callable[[int, int], None]]:
+def progress(console: Console, total: int, *, bar: bool = True) -> Iterator[Callable[[int, int], None]]:
     """Shows the progress while the block runs.
 
     Args:
         console: what the user wants to see.
         total: number of clouds.
+        bar: whether there may be a bar.
 
     Yields:
         A function to be called with the clouds that are done and those that failed.
     """
     if console.level < 0 or not total:
         yield lambda done, failed: None
-    elif sys.stderr.isatty():
+    elif bar and sys.stderr.isatty():
         yield from _bar(total)
     else:
         yield _lines(console, total)
@@ -48,7 +49,9 @@ def _bar(total: int) -> Iterator[Callable[[int, int], None]]:
         TimeRemainingColumn(elapsed_when_finished=True),
     )
     start = time.monotonic()
-    with Progress(*columns, console=RichConsole(stderr=True, no_color=not use_colour()), transient=True) as bar:
+    terminal = RichConsole(stderr=True, no_color=not use_colour())
+    # Standard output is for data, and may lead elsewhere.
+    with Progress(*columns, console=terminal, transient=True, redirect_stdout=False) as bar:
         task = bar.add_task("", total=total, failed="", rate="")
 
         def show(done: int, failed: int) -> None:

@@ -164,7 +164,7 @@ class Batch:
 
     def _failed(self, row: Row, failure: Failure) -> Row:
         row.status, row.code, row.error = "failed", failure.code, shown(failure.message)
-        row.hint, row.stage = failure.hint, failure.stage
+        row.hint, row.stage = failure.hint and shown(failure.hint), failure.stage
         self.ledger.write(row)
         return row
 

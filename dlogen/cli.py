@@ -41,6 +41,12 @@ class Command(click.Command):
             where = "".join(f"{part}: " for part in (error.path, error.stage) if part is not None)
             Console().error(where + error.message, error.hint)
             ctx.exit(error.exit_code)
+        except KeyboardInterrupt:
+            if debug:
+                raise
+            Console().error("interrupted")
+            # As shells have it: 128 and the number of the signal.
+            ctx.exit(130)
         except MemoryError:
             if debug:
                 raise

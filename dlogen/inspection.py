@@ -9,7 +9,7 @@ import numpy as np
 from dlogen.errors import DlogenError
 from dlogen.model import Cloud
 from dlogen.pipeline import search_radius
-from dlogen.stages.checks import check_points
+from dlogen.stages.checks import check_points, far_away
 from dlogen.stages.normals import choose_neighbours
 from dlogen.stages.scale import estimate_scale
 from dlogen.stages.skeleton import PAPER_SIZE
@@ -24,22 +24,26 @@ def inspect(cloud: Cloud, units: str = "auto") -> dict[str, Any]:
         units: "m", "mm", "cm", or "auto" for a guess.
 
     Returns:
-        Plain data; lengths in metres. `problem` says why the cloud cannot be fitted, None if nothing speaks against it.
+        Plain data; lengths in metres, without the points that are very far from all others (`far_away` counts them).
+        `problem` says why the cloud cannot be fitted, None if nothing speaks against it.
     """
     source = cloud.source
-    guessed = guess_units(cloud.points)
+    far = far_away(cloud.points)
+    near = cloud.points[~far]
+    guessed = guess_units(near)
     scale = METRES[guessed if units == "auto" else units]
-    low, high = cloud.points.min(axis=0), cloud.points.max(axis=0)
-    points = (cloud.points - 0.5 * (low + high)) * scale
+    low, high = near.min(axis=0), near.max(axis=0)
+    points = (near - 0.5 * (low + high)) * scale
     out: dict[str, Any] = {
         "schema": "dlogen.info/1",
         "name": source.name if source else None,
         "format": source.format if source else None,
         "encoding": source.encoding if source else None,
         "fields": list(source.fields) if source else ["x", "y", "z"],
-        "declared_points": source.declared_points if source else len(points),
+        "declared_points": source.declared_points if source else len(cloud),
         "organised": [source.width, source.height] if source and source.height > 1 else None,
-        "points": len(points),
+        "points": len(cloud),
+        "far_away": int(np.count_nonzero(far)),
         "dropped": {"non_finite": cloud.dropped.non_finite, "duplicates": cloud.dropped.duplicates},
         "normals": cloud.normals is not None,
         "viewpoint": None if cloud.viewpoint is None else (cloud.viewpoint * scale).tolist(),
@@ -50,7 +54,7 @@ def inspect(cloud: Cloud, units: str = "auto") -> dict[str, Any]:
         "problem": None,
     }
     try:
-        check_points(cloud.points)
+        check_points(near)
         found = estimate_scale(points)
     except DlogenError as error:
         return {**out, "problem": error.message}

@@ -30,6 +30,7 @@ from dlogen.stages.checks import (
     check_radius,
     check_radius_along,
     check_walk,
+    far_away,
     on_surface,
 )
 from dlogen.stages.curvature import max_curvature
@@ -96,6 +97,11 @@ def fit(
     clock = _Clock()
 
     with clock.stage("input"):
+        whole, far = cloud, far_away(cloud.points)
+        if far.any():
+            rest = np.flatnonzero(~far)
+            normals = None if cloud.normals is None else cloud.normals[rest]
+            cloud = replace(cloud, points=cloud.points[rest], normals=normals)
         check_points(cloud.points, surface=config.projection.enabled)
         if config.units == AUTO:
             settings["units"] = guess_units(cloud.points)
@@ -135,6 +141,7 @@ def fit(
 
     with clock.stage("checks"):
         findings = [
+            *_left_out(int(far.sum())),
             *check_line(line.skeleton, line.radius, line.distance, line.on_tube, bend),
             *check_deviation(line.skeleton, segmentation, e_max),
         ]
@@ -153,7 +160,7 @@ def fit(
         residual=tube_residual(line.distance[line.on_tube], line.radius),
         quality=Quality((*line.findings, *findings)),
         settings=settings,
-        provenance=_provenance(cloud, len(near), settings),
+        provenance=_provenance(whole, len(near), settings),
         timings=clock.seconds,
         intermediates=line.intermediates,
     )
@@ -228,6 +235,13 @@ def _refined_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock:
             *([] if given is None else check_radius(given, estimate_scale(points))),
         ),
     )
+
+
+def _left_out(count: int) -> list[Finding]:
+    if count == 0:
+        return []
+    message = f"left out {count} point{'s' if count > 1 else ''} very far from all others: missing data, it seems"
+    return [Finding("stray-points", message, "note")]
 
 
 def _explained(error: FitError, findings: tuple[Finding, ...]) -> FitError:

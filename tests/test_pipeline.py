@@ -26,6 +26,14 @@ def test_a_table_is_refused_with_what_to_do() -> None:
     assert "dlogen extract" in refused.value.hint
 
 
+@pytest.mark.parametrize("marker", [1e6, 3.4028235e38])
+def test_markers_of_missing_data_are_left_out(cloud, marker: float) -> None:
+    result = dlogen.fit(np.concatenate([cloud.points, np.diag([marker] * 3)]))
+    np.testing.assert_array_equal(result.chain.joints, dlogen.fit(cloud.points).chain.joints)
+    assert "3 points" in next(item.message for item in result.quality.findings if item.code == "stray-points")
+    assert (result.provenance["points"], result.provenance["points_used"]) == (5003, 5000)
+
+
 def test_points_on_the_centre_line(cloud) -> None:
     points = cloud.truth.points(1000)
     with pytest.raises(FitError, match="no width") as refused:

@@ -48,6 +48,7 @@ def _rows(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("fields", " ".join(found["fields"])),
         ("points", f"{found['points']} of {found['declared_points']}"),
         ("dropped", f"{dropped['non_finite']} not finite, {dropped['duplicates']} duplicates"),
+        *([("very far away", f"{found['far_away']} (left out)")] if found["far_away"] else []),
         ("organised", "no" if found["organised"] is None else "{} x {} pixels".format(*found["organised"])),
         ("normals stored", "yes" if found["normals"] else "no"),
         ("viewpoint", "none" if found["viewpoint"] is None else _vector(found["viewpoint"])),

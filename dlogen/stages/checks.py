@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from dlogen.errors import FitError
 from dlogen.model import Array, BoolArray, Finding, Segmentation, Skeleton
-from dlogen.stages.scale import Scale, spatial_sample
+from dlogen.stages.scale import Scale, spatial_sample, thinned
 
 #: Fewer points than this cannot show a tube; the paper works with 5,000.
 MIN_POINTS = 12
@@ -18,6 +18,11 @@ MIN_POINTS = 12
 _LONGEST = 50.0
 #: Nor any as short as this, metres.
 _SHORTEST = 0.01
+
+#: Extents of clouds, in whatever units, that can be those of an object.
+_POSSIBLE = (1e-9, 1e9)
+#: Points so many extents of the rest away from it mark missing data, and how many points tell the extent.
+_FAR_AWAY, _TELLING = 1000.0, 10_000
 
 #: Stretches of the line whose radius is looked at, and the points that each needs.
 _STRETCHES, _PER_STRETCH = 20, 40
@@ -51,6 +56,12 @@ def check_points(points: Array, *, surface: bool = True) -> None:
     noise_floor = 1e-12 * max(float(np.abs(points).max()), 1e-300)
     if size <= 10.0 * noise_floor:
         raise FitError(f"all {len(points)} points are in one place", "check how the cloud was written", stage="input")
+    if not _POSSIBLE[0] <= size <= _POSSIBLE[1]:
+        raise FitError(
+            f"the cloud is {size:.2g} large, which no object is in metres, centimetres or millimetres",
+            "check how the cloud was written",
+            stage="input",
+        )
     flat = extent <= max(1e-9 * size, 10.0 * noise_floor)
     if flat.any() and surface:
         axis = "xyz"[int(np.argmax(flat))]
@@ -67,6 +78,24 @@ def check_points(points: Array, *, surface: bool = True) -> None:
             "projection.enabled to false, and give r",
             stage="input",
         )
+
+
+def far_away(points: Array) -> BoolArray:
+    """(M,) which points are so far from all others that they mark missing data, as 1e10 or the largest float do.
+
+    Args:
+        points: (M, 3) finite points, any units.
+    """
+    none = np.zeros(len(points), dtype=bool)
+    if len(points) < MIN_POINTS:
+        return none
+    low, middle, high = np.quantile(points[thinned(points, _TELLING)], [0.05, 0.5, 0.95], axis=0)
+    reach = _FAR_AWAY * float((high - low).max())
+    lowest, highest = points.min(axis=0), points.max(axis=0)
+    if reach == 0.0 or ((lowest > middle - reach) & (highest < middle + reach)).all():
+        return none
+    result: BoolArray = (np.abs(points - middle) > reach).any(axis=1)
+    return result
 
 
 def check_line(

@@ -56,6 +56,12 @@ def test_for_people(tmp_path: Path) -> None:
     assert rows["units"] == "m"
 
 
+def test_markers_of_missing_data_are_counted(tmp_path: Path) -> None:
+    write_cloud(tmp_path / "a.ply", np.vstack([CLOUD, [1e10, 0.0, 0.0]]))
+    out = run(tmp_path / "a.ply").stdout
+    assert "very far away          1 (left out)\n" in out and "units                  m\n" in out
+
+
 def test_guessed_units_say_what_a_fit_needs(tmp_path: Path) -> None:
     write_cloud(tmp_path / "a.ply", CLOUD * 1000)
     assert "mm (a guess; fit with --set units=mm)\n" in run(tmp_path / "a.ply").stdout

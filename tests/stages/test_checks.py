@@ -12,6 +12,7 @@ from dlogen.stages.checks import (
     check_radius,
     check_radius_along,
     check_walk,
+    far_away,
     on_surface,
 )
 from dlogen.stages.curvature import max_curvature
@@ -66,6 +67,25 @@ class TestPoints:
         # Whole millimetres in space are no pixels.
         pixels[:, 2] = np.arange(500) % 40
         check_points(pixels.astype(float))
+
+    @pytest.mark.parametrize("scale", [1e-12, 1e12, 1e200])
+    def test_sizes_of_no_object(self, tube, scale: float) -> None:
+        assert "no object" in refusal(tube.points * scale)
+
+
+class TestFarAway:
+    @pytest.mark.parametrize("marker", [1e6, 1e10, 3.4028235e38, 1e300])
+    def test_markers_of_missing_data(self, tube, marker: float) -> None:
+        marked = np.array([[marker] * 3, [-marker, 0.0, 0.0], [0.0, marker, 0.0]])
+        far = far_away(np.concatenate([tube.points, marked]))
+        assert far.tolist() == [False] * len(tube.points) + [True] * 3
+
+    def test_strays_and_survey_coordinates_are_not(self, tube) -> None:
+        strays = np.random.default_rng(0).uniform(-20.0, 20.0, (500, 3))
+        for points in (np.concatenate([tube.points, strays]), tube.points + np.array([5e6, -4e6, 100.0])):
+            assert not far_away(points).any()
+        assert not far_away(tube.points[:3]).any()
+        assert not far_away(np.tile(tube.points[:1], (50, 1))).any()
 
 
 def line_findings(line, cloud, radius: float):

@@ -76,9 +76,12 @@ def write_with(writers: Mapping[Path, Callable[[Path], None]]) -> None:
             staged.pop(0)
         made.clear()
     except OSError as error:
+        hint = "choose another folder with -o, or check its permissions and free space"
+        if error.errno == errno.ENAMETOOLONG:
+            hint = "give the input a shorter name: those of the outputs are longer by their endings"
         raise OutputError(
             f"cannot write: {error.strerror or error}",
-            "choose another folder with -o, or check its permissions and free space",
+            hint,
             path=target,
             for_all=error.errno in _NOTHING_CAN_BE_WRITTEN,
         ) from error

@@ -92,11 +92,14 @@ def write_summary(ledger: Ledger, folder: Path) -> None:
         # Names of files that are not Unicode were made so in the records.
         with path.open("w", newline="", encoding="utf-8") as stream:
             writer = csv.writer(stream, lineterminator="\n")
+            # A lone carriage return ends a line for readers, but is no reason for the writer to quote.
+            quoting = csv.writer(stream, lineterminator="\n", quoting=csv.QUOTE_ALL)
             writer.writerow(_COLUMNS)
             for row in ledger.rows():
                 totals.add(row)
                 values = row.values()
-                writer.writerow("" if values[name] is None else values[name] for name in _COLUMNS)
+                fields = ["" if values[name] is None else values[name] for name in _COLUMNS]
+                (quoting if any("\r" in str(field) for field in fields) else writer).writerow(fields)
 
     def totals_file(path: Path) -> None:
         path.write_text(dump_json(totals.to_dict()), encoding="utf-8")

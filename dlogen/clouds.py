@@ -224,7 +224,10 @@ def _vectors(values: npt.ArrayLike, what: str) -> Array:
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise InputError(f"the {what} are not numbers: {error}", f"give the {what} as an (M, 3) array") from None
+        raise InputError(
+            f"the {what} are not numbers: {error}",
+            f"give the {what} as an (M, 3) array; dlogen.read_cloud reads a file",
+        ) from None
     if array.ndim != 2 or array.shape[1] != 3:
         raise InputError(
             f"the {what} have the shape {array.shape}, not (M, 3)", "give x, y and z of each point in a row"

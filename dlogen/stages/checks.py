@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from dlogen.errors import FitError
 from dlogen.model import Array, BoolArray, Finding, Segmentation, Skeleton
-from dlogen.stages.scale import Scale, spatial_sample, thinned
+from dlogen.stages.scale import Scale, spatial_sample
 
 #: Fewer points than this cannot show a tube; the paper works with 5,000.
 MIN_POINTS = 12
@@ -89,7 +89,7 @@ def far_away(points: Array) -> BoolArray:
     none = np.zeros(len(points), dtype=bool)
     if len(points) < MIN_POINTS:
         return none
-    low, middle, high = np.quantile(points[thinned(points, _TELLING)], [0.05, 0.5, 0.95], axis=0)
+    low, middle, high = np.quantile(points[:: -(-len(points) // _TELLING)], [0.05, 0.5, 0.95], axis=0)
     reach = _FAR_AWAY * float((high - low).max())
     lowest, highest = points.min(axis=0), points.max(axis=0)
     if reach == 0.0 or ((lowest > middle - reach) & (highest < middle + reach)).all():

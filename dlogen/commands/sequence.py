@@ -23,9 +23,6 @@ _EXAMPLES = """Examples:
   dlogen sequence recording -o motion --json | jq -r '.frames[] | select(.state != "good") | .name'
 """
 
-#: Stem of the model's files.
-NAME = "model"
-
 #: Frames that are named on stderr; all are in the report.
 _MOST_NAMED = 20
 
@@ -103,11 +100,11 @@ def command(
     from dlogen.batch.run import Batch, Settings
     from dlogen.batch.work import Plan
     from dlogen.commands.batch import cores, scheduler_address
-    from dlogen.config import load_config
     from dlogen.errors import FitError
     from dlogen.files import refuse_existing, write_all
     from dlogen.formats import model_format
     from dlogen.outputs import Outputs
+    from dlogen.sequence.names import MODEL, file_names
     from dlogen.sequence.times import frame_times
 
     given = (*overrides, *([f"profile={profile}"] if profile else []))
@@ -115,8 +112,8 @@ def command(
     address = scheduler_address(scheduler, scheduler_file, jobs, ship, console)
     wanted = Outputs.parse(formats).formats
     out, fits = Path(folder), Path(folder) / "frames"
-    expected = [name for item in wanted for name in model_format(item).files(NAME)]
-    expected += ["trajectory.csv", "trajectory.npz", "sequence.json", *(["sequence.png"] if plot else [])]
+    expected = [name for item in wanted for name in model_format(item).files(MODEL)]
+    expected += file_names(in_time=True, plot=plot)
     # What an earlier run has made is made again.
     refuse_existing([out / name for name in expected], force or (fits / LEDGER).exists())
 
@@ -128,7 +125,7 @@ def command(
         console.warning("the names of the frames hold no times: one frame a second is assumed")
         console.hint("say how many there are a second: --rate HZ")
 
-    plan = Plan(None if ship else str(fits), load_config(config_path), given, outputs)
+    plan = Plan(None if ship else str(fits), *_frame_config(config_path, given), outputs)
     ledger = Ledger(fits)
     try:
         batch = Batch(items, fits, plan, ledger, Settings(force=force, ship=ship))
@@ -145,35 +142,29 @@ def command(
     finally:
         ledger.close()
 
-    # Here: those who wait for an error in their call need not wait for numpy.
-    import numpy as np
-
-    from dlogen.config import AUTO
-    from dlogen.sequence.common import common_model
-    from dlogen.sequence.files import contents, observed_of, result_of, sequence_dict
-    from dlogen.sequence.motion import motion_of
+    # Only now: who waits for an error in the call need not wait for numpy.
+    from dlogen.sequence.assemble import assemble
 
     with console.status("putting the frames together"):
-        observed = [observed_of(rows, item.key, fits, keep_doubtful=keep_doubtful) for item in items]
-        seconds = np.array(times.seconds)
-        common = common_model(
-            observed,
-            seconds,
-            segmentation=config.segmentation,
-            e_max=None if config.e_max == AUTO else config.e_max,
+        made = assemble(
+            [item.key for item in items],
+            rows,
+            fits,
+            config,
+            wanted,
+            times=times,
+            rate=rate,
+            keep_doubtful=keep_doubtful,
             smooth=smooth,
+            plot=plot,
         )
-        motion = motion_of(common, seconds, config.joints)
-        result = result_of(motion, fits / f"{items[common.reference].key}.json", config, NAME)
-        said = sequence_dict(motion, result, time_source=times.source, rate=rate)
-        made = contents(motion, result, said, wanted, plot=plot)
-    write_all({out / name: data for name, data in made.items()})
+    write_all({out / name: data for name, data in made.contents.items()})
 
-    _tell(motion, console)
-    console.info("wrote " + ", ".join(dict.fromkeys(str(out / Path(name).parts[0]) for name in made)))
+    tell(made.motion, console)
+    console.info("wrote " + ", ".join(dict.fromkeys(str(out / Path(name).parts[0]) for name in made.contents)))
     if as_json:
-        print_json(said)
-    aside = sum(state != "good" for state in motion.states)
+        print_json(made.report)
+    aside = sum(state != "good" for state in made.motion.states)
     if strict and aside:
         raise FitError(f"{aside} of {len(items)} frames are set aside", "see above, or leave --strict away", path=out)
 
@@ -191,7 +182,27 @@ def _model_config(path: str | None, given: tuple[str, ...], console: Console) ->
     return config.replace(changes)
 
 
-def _tell(motion: Motion, console: Console) -> None:
+def _frame_config(path: str | None, given: tuple[str, ...]) -> tuple[Config, tuple[str, ...]]:
+    """What single fits are made with, and what wins over settings of their own.
+
+    Without what is for the common model only: the segments of a frame alone are of no interest, and when the model's
+    settings change, nothing has to be fitted again.
+    """
+    from dlogen.config import Config, load_config
+
+    def of_the_model(key: str) -> bool:
+        section, _, name = key.strip().rpartition(".")
+        return section in ("segmentation", "joints", "material") or name == "e_max"
+
+    defaults = Config().to_dict()
+    changes = {"e_max": defaults["e_max"]}
+    for section in ("segmentation", "joints", "material"):
+        changes |= {f"{section}.{name}": value for name, value in defaults[section].items()}
+    config = load_config(path).replace(changes)
+    return config, tuple(text for text in given if not of_the_model(text.partition("=")[0]))
+
+
+def tell(motion: Motion, console: Console) -> None:
     """The outcome in a few lines for people."""
     common = motion.common
     good = common.good

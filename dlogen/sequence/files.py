@@ -220,16 +220,16 @@ def _size(size: Size) -> dict[str, float | None]:
 
 
 def contents(
-    motion: Motion, result: Result, report: dict[str, Any], formats: Sequence[str], *, plot: bool = False
+    motion: Motion, result: Result, report: dict[str, Any], formats: Sequence[str], names: Sequence[str]
 ) -> dict[str, bytes]:
-    """All files of a recording by name.
+    """All files by name.
 
     Args:
         motion: poses of the common model.
         result: the model, of `result_of`.
         report: of `sequence_dict`.
         formats: names of model formats.
-        plot: whether a picture is among them.
+        names: of the files beside the models: table, arrays, report and, if there is to be one, picture.
 
     Raises:
         DlogenError: a format cannot hold the model, or pictures need matplotlib.
@@ -238,13 +238,13 @@ def contents(
 
     hinge_names = multibody(result).hinge_names
     made: dict[str, bytes] = {}
-    for name in formats:
-        made |= model_format(name).write(result, result.name)
-    made["trajectory.csv"] = trajectory_csv(motion, hinge_names)
-    made["trajectory.npz"] = trajectory_npz(motion, hinge_names)
-    made["sequence.json"] = dump_json(report).encode()
-    if plot:
+    for item in formats:
+        made |= model_format(item).write(result, result.name)
+    made[names[0]] = trajectory_csv(motion, hinge_names)
+    made[names[1]] = trajectory_npz(motion, hinge_names)
+    made[names[2]] = dump_json(report).encode()
+    if len(names) > 3:
         from dlogen.sequence.picture import motion_picture
 
-        made["sequence.png"] = motion_picture(motion)
+        made[names[3]] = motion_picture(motion)
     return made

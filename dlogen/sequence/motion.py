@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlogen.config import JointSettings
+from dlogen.errors import ConfigError
 from dlogen.model import Array, BoolArray, Chain, Joints, Pose
 from dlogen.rotations import quaternion
 from dlogen.sequence.common import Common
@@ -76,7 +77,12 @@ def motion_of(common: Common, times: Array | None, settings: JointSettings) -> M
         common: the model and its chains.
         times: (F,) seconds, increasing.
         settings: of the joints; `dof` and `zero` are used.
+
+    Raises:
+        ConfigError: a good frame is bent more than `min_bend_radius` allows.
     """
+    if not isinstance(settings.min_bend_radius, str):
+        _check_bends(common, settings.min_bend_radius)
     links, reference = common.links, common.reference
     s = np.concatenate([[0.0], np.cumsum(links)]) / links.sum()
     s[-1] = 1.0
@@ -108,6 +114,22 @@ def motion_of(common: Common, times: Array | None, settings: JointSettings) -> M
     rotations, values = np.full((count, 3, 3), np.nan), np.full((count, len(links) - 1, settings.dof), np.nan)
     rotations[posed], values[posed] = bases, posed_values
     return Motion(common, times, chain, common.joints[:, 0], rotations, values, states)
+
+
+def _check_bends(common: Common, radius: float) -> None:
+    """Refuse a smallest bend radius that the recording contradicts, by the chords of a circle (`dlogen.multibody`)."""
+    links, good = common.links, np.flatnonzero(common.good)
+    directions = np.diff(common.joints[good], axis=1) / links[:, None]
+    turns = np.linalg.norm(np.diff(directions, axis=1), axis=2)
+    # Of a bend by b, |d_(i+1) - d_i| = 2 sin(b / 2).
+    radii = 0.5 * (links[:-1] + links[1:]) / np.maximum(turns, 1e-12)
+    if radii.size and radii.min() < radius:
+        k, i = np.unravel_index(int(np.argmin(radii)), radii.shape)
+        raise ConfigError(
+            f"joints.min_bend_radius = {radius:g} m, but {common.observed[good[k]].name} is bent to "
+            f"{radii[k, i]:.4g} m at joint {i + 1}",
+            f"set it to {0.95 * radii[k, i]:.2g} or less, or leave it at auto",
+        )
 
 
 def _states(good: BoolArray, in_time: bool) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import signal
 import sys
 import time
 from collections import Counter
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from types import FrameType
 
 import click
@@ -36,6 +36,7 @@ def follow(
     strict: bool = False,
     as_json: bool = False,
     tolerant: bool = False,
+    finish: Callable[[], None] | None = None,
 ) -> None:
     """Run a batch to its end, or to Ctrl-C; what has been done is recorded and summed up either way.
 
@@ -47,6 +48,7 @@ def follow(
         strict: only good models will do.
         as_json: print a line for every cloud on stdout.
         tolerant: clouds may fail; it is said all the same.
+        finish: what else is to be done when all clouds are, before it is said how that went.
 
     Raises:
         DlogenError: a cloud failed, or is worse than wanted; or nothing more could be written.
@@ -85,6 +87,8 @@ def follow(
         if isinstance(error, (OutputError, NotStarted)):
             raise DlogenError(f"{error.message}; {ended}", error.hint, path=error.path) from error
         raise
+    if finish is not None:
+        finish()
     tally.tell(batch, console, time.monotonic() - start, tolerant)
 
 

@@ -54,6 +54,9 @@ class _Size(click.ParamType):
     help="Model formats to write (see dlogen formats), or all.",
 )
 @click.option("--plot", is_flag=True, help="Write a picture of every cloud (needs matplotlib: dlogen[plots]).")
+@click.option(
+    "--one-model", is_flag=True, help="Also make one model for all clouds, with its pose in each, in DIR/one_model."
+)
 @click.option("--root", metavar="DIR", help="Results keep the layout that the clouds have below this folder.")
 @click.option(
     "--own-configs/--no-own-configs",
@@ -89,6 +92,7 @@ def command(
     profile: str | None,
     formats: str,
     plot: bool,
+    one_model: bool,
     root: str | None,
     own_configs: bool,
     timeout: float | None,
@@ -114,6 +118,7 @@ def command(
     from dlogen.batch.figures import Threshold
     from dlogen.batch.follow import follow
     from dlogen.batch.inputs import find_items
+    from dlogen.batch.ledger import NAME as LEDGER
     from dlogen.batch.ledger import Ledger
     from dlogen.batch.pool import LocalPool, Pool
     from dlogen.batch.run import Batch, Settings
@@ -121,19 +126,24 @@ def command(
     from dlogen.batch.worker import can_limit_memory
     from dlogen.config import load_config
     from dlogen.errors import UsageError
+    from dlogen.files import refuse_existing
     from dlogen.outputs import Outputs
 
     thresholds = [Threshold.parse(text) for text in limits]
-    outputs = Outputs.parse(formats, plot)
+    # The common model is made from the chains.
+    outputs = Outputs.parse(f"{formats},json" if one_model and formats != "all" else formats, plot)
     given = (*overrides, *([f"profile={profile}"] if profile else []))
     config = load_config(config_path)
     # What is wrong for all clouds is said once.
-    load_config(None, given, base=config)
+    common = load_config(None, given, base=config)
     address = scheduler_address(scheduler, scheduler_file, jobs, ship, console)
     if memory is not None and address is None and not can_limit_memory():
         raise UsageError("--memory needs Linux", "leave it away, and use fewer --jobs")
     out = Path(folder)
     items = find_items(inputs, out=out, root=root, own_configs=own_configs, outputs=outputs.files)
+    if one_model:
+        # What an earlier run has made is made again.
+        refuse_existing([out / "one_model"], force or (out / LEDGER).exists())
     plan = Plan(None if ship else str(out), config, given, outputs)
 
     ledger = Ledger(out)
@@ -147,7 +157,23 @@ def command(
             from dlogen.batch.cluster import DaskPool
 
             pool = DaskPool(plan, address, total, timeout=timeout, memory=memory, say=console.info)
-        follow(batch, pool, console, thresholds=thresholds, strict=strict, as_json=as_json)
+
+        def finish() -> None:
+            from dlogen.commands.sequence import write_one_model
+
+            keys = [item.key for item in items]
+            rows = {row.key: row for row in ledger.rows()}
+            write_one_model(keys, rows, out, common, outputs.formats, plot, console)
+
+        follow(
+            batch,
+            pool,
+            console,
+            thresholds=thresholds,
+            strict=strict,
+            as_json=as_json,
+            finish=finish if one_model else None,
+        )
     finally:
         ledger.close()
 

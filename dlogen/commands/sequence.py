@@ -11,6 +11,9 @@ from dlogen.cli import Command
 from dlogen.console import Console, print_json
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from dlogen.batch.ledger import Row
     from dlogen.config import Config
     from dlogen.sequence.motion import Motion
 
@@ -59,6 +62,7 @@ _MOST_NAMED = 20
     "--scheduler-file", metavar="FILE", help="As --scheduler, with the address from the scheduler's own file."
 )
 @click.option("--ship", is_flag=True, help="Send clouds and results: the cluster does not see the files here.")
+@click.option("--retry", is_flag=True, help="Fit frames again that failed before.")
 @click.option("--force", is_flag=True, help="Fit all frames again, and overwrite files of others.")
 @click.option("--strict", is_flag=True, help="Exit 1 unless all frames are good.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON to stdout.")
@@ -78,6 +82,7 @@ def command(
     scheduler: str | None,
     scheduler_file: str | None,
     ship: bool,
+    retry: bool,
     force: bool,
     strict: bool,
     as_json: bool,
@@ -108,7 +113,7 @@ def command(
     from dlogen.sequence.times import frame_times
 
     given = (*overrides, *([f"profile={profile}"] if profile else []))
-    config = _model_config(config_path, given, console)
+    config, for_fits, overrides = _configs(config_path, given, console)
     address = scheduler_address(scheduler, scheduler_file, jobs, ship, console)
     wanted = Outputs.parse(formats).formats
     out, fits = Path(folder), Path(folder) / "frames"
@@ -125,10 +130,10 @@ def command(
         console.warning("the names of the frames hold no times: one frame a second is assumed")
         console.hint("say how many there are a second: --rate HZ")
 
-    plan = Plan(None if ship else str(fits), *_frame_config(config_path, given), outputs)
+    plan = Plan(None if ship else str(fits), for_fits, overrides, outputs)
     ledger = Ledger(fits)
     try:
-        batch = Batch(items, fits, plan, ledger, Settings(force=force, ship=ship))
+        batch = Batch(items, fits, plan, ledger, Settings(force, retry, ship))
         total = max(1, len(batch.todo))
         pool: Pool
         if address is None:
@@ -169,37 +174,80 @@ def command(
         raise FitError(f"{aside} of {len(items)} frames are set aside", "see above, or leave --strict away", path=out)
 
 
-def _model_config(path: str | None, given: tuple[str, ...], console: Console) -> Config:
-    """What the model is made with: in a recording the base floats, and joint values are zero when straight."""
-    from dlogen.config import AUTO, Config, JointSettings, load_config
+def _configs(path: str | None, given: tuple[str, ...], console: Console) -> tuple[Config, Config, tuple[str, ...]]:
+    """What the model and what the single fits are made with, and what wins over settings of a frame.
 
-    config = load_config(path, given, base=Config(joints=JointSettings(base="floating", zero="straight")))
-    if config.joints.base == "fixed":
-        console.warning("joints.base = fixed is not used: in a recording the base moves")
-    changes = {"joints.base": "floating"}
-    if config.profile == "paper" and config.segmentation.criterion == AUTO:
-        changes["segmentation.criterion"] = "paper"
-    return config.replace(changes)
-
-
-def _frame_config(path: str | None, given: tuple[str, ...]) -> tuple[Config, tuple[str, ...]]:
-    """What single fits are made with, and what wins over settings of their own.
-
-    Without what is for the common model only: the segments of a frame alone are of no interest, and when the model's
-    settings change, nothing has to be fitted again.
+    In a recording the base floats, and joint values are zero when straight. The fits do without what is for the model
+    only: the segments of a frame alone are of no interest, and when the model's settings change, nothing has to be
+    fitted again.
     """
-    from dlogen.config import Config, load_config
+    from dlogen.config import Config, JointSettings, load_config
 
     def of_the_model(key: str) -> bool:
         section, _, name = key.strip().rpartition(".")
         return section in ("segmentation", "joints", "material") or name == "e_max"
 
+    loaded = load_config(path, base=Config(joints=JointSettings(base="floating", zero="straight")))
+    model = load_config(None, given, base=loaded)
+    if model.joints.base == "fixed":
+        console.warning("joints.base = fixed is not used: in a recording the base moves")
     defaults = Config().to_dict()
     changes = {"e_max": defaults["e_max"]}
     for section in ("segmentation", "joints", "material"):
         changes |= {f"{section}.{name}": value for name, value in defaults[section].items()}
-    config = load_config(path).replace(changes)
-    return config, tuple(text for text in given if not of_the_model(text.partition("=")[0]))
+    for_frames = tuple(text for text in given if not of_the_model(text.partition("=")[0]))
+    return _floating(model), loaded.replace(changes), for_frames
+
+
+def _floating(config: Config) -> Config:
+    """For a model in several poses, by the criterion that the profile has for one."""
+    from dlogen.config import AUTO
+
+    changes = {"joints.base": "floating"}
+    if config.profile == "paper" and config.segmentation.criterion == AUTO and _by_e_max(config):
+        changes["segmentation.criterion"] = "paper"
+    return config.replace(changes)
+
+
+def _by_e_max(config: Config) -> bool:
+    """Whether nothing else says how long the segments are."""
+    from dlogen.config import AUTO
+
+    wish = config.segmentation
+    return all(value == AUTO for value in (wish.segments, wish.segment_length))
+
+
+def write_one_model(
+    keys: Sequence[str],
+    rows: Mapping[str, Row],
+    folder: Path,
+    config: Config,
+    formats: Sequence[str],
+    plot: bool,
+    console: Console,
+) -> None:
+    """One model for all clouds of a batch, in no order: `dlogen batch --one-model`.
+
+    Args:
+        keys: of the clouds.
+        rows: records of the batch by key.
+        folder: of the batch; the model goes to `one_model` in it.
+        config: of the batch.
+        formats: of the model.
+        plot: make a picture.
+        console: for messages.
+
+    Raises:
+        DlogenError: there is none, or it cannot be written.
+    """
+    from dlogen.files import write_all
+    from dlogen.sequence.assemble import assemble
+
+    made = assemble(keys, rows, folder, _floating(config).replace({"joints.zero": "straight"}), formats, plot=plot)
+    out = folder / "one_model"
+    write_all({out / name: data for name, data in made.contents.items()})
+    tell(made.motion, console)
+    console.info("wrote " + ", ".join(dict.fromkeys(str(out / Path(name).parts[0]) for name in made.contents)))
 
 
 def tell(motion: Motion, console: Console) -> None:
@@ -211,16 +259,17 @@ def tell(motion: Motion, console: Console) -> None:
     worst = max((k for k in range(len(names)) if good[k]), key=lambda k: float(common.deviation[k]))
     count = len(common.links)
     segments = f"{count} segment{'s' if count > 1 else ''} of {1e3 * common.links[0]:.1f} mm"
+    what = "frames" if motion.times is not None else "clouds"
     console.info(
-        f"{len(names)} frames, {motion.states.count('good')} good: {sizes.length.value:.4f} m long, radius "
-        f"{1e3 * sizes.radius.value:.2f} mm; {segments}; deviation "
-        f"{1e3 * common.deviation[worst]:.2f} mm at most, in {names[worst]} (allowed {1e3 * common.e_max:.2f}); "
-        f"bent to {bend.radius:.3g} m in {names[bend.frame]}"
+        f"{len(names)} {what}, {motion.states.count('good')} good: {sizes.length.value:.4f} m long, radius "
+        f"{1e3 * sizes.radius.value:.2f} mm; {segments}; deviation {1e3 * common.deviation[worst]:.2f} mm at most, in "
+        f"{names[worst]} (allowed {1e3 * common.e_max:.2f}); bent to {bend.radius:.3g} m in {names[bend.frame]}"
     )
     aside = [(name, why, state) for name, why, state in zip(names, common.asides, motion.states, strict=True) if why]
     for name, why, state in aside[:_MOST_NAMED]:
-        console.warning(f"{name} is {state}: {why.message} [{why.code}]")
+        what = "has no pose" if state == "none" else f"is {state}"
+        console.warning(f"{name} {what}: {why.message} [{why.code}]")
     if len(aside) > _MOST_NAMED:
-        console.warning(f"and {len(aside) - _MOST_NAMED} other frames: see sequence.json")
+        console.warning(f"and {len(aside) - _MOST_NAMED} others: see the report")
     if common.deviation[worst] > common.e_max:
         console.warning("the segments are too long to follow the tightest bends within e_max")

@@ -167,7 +167,7 @@ def _good(asides: Sequence[Aside | None], observed: Sequence[Observed]) -> BoolA
         first = next((f"{item.name}: {item.problem}" for item in observed if item.problem), "")
         raise FitError(
             f"no frame can be believed: {said or 'there is none'}" + (f"; {first}" if first else ""),
-            "try dlogen fit on one of them; --keep-doubtful goes by doubtful frames as well",
+            "try dlogen fit on one of them; dlogen sequence --keep-doubtful goes by doubtful ones as well",
             stage="sequence",
         )
     return good

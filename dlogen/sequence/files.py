@@ -27,6 +27,9 @@ from dlogen.sequence.observed import Observed, Size
 
 SCHEMA = "dlogen.sequence/1"
 
+#: Findings about a frame's own chain, which is not used.
+_OF_THE_CHAIN = ("deviation-above-e_max",)
+
 #: Columns of the trajectory before the joints.
 _POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
@@ -45,11 +48,15 @@ def observed_of(rows: Mapping[str, Row], key: str, folder: Path, *, keep_doubtfu
     if row is None or row.status != "done":
         return Observed(name, None, problem=row.error if row and row.error else "it has not been fitted")
     chain, report = _read(folder / f"{key}.json"), _read(folder / f"{key}.report.json")
-    quality = chain["quality"]
+    findings = [
+        item
+        for item in chain["quality"]["findings"]
+        if item["severity"] != "note" and item["code"] not in _OF_THE_CHAIN
+    ]
+    verdict = "bad" if any(item["severity"] == "bad" for item in findings) else "doubtful"
     problem = None
-    if quality["verdict"] != "good" and not (keep_doubtful and quality["verdict"] == "doubtful"):
-        findings = [item for item in quality["findings"] if item["severity"] != "note"]
-        problem = f"{quality['verdict']}: " + "; ".join(f"{item['message']} [{item['code']}]" for item in findings)
+    if findings and not (keep_doubtful and verdict == "doubtful"):
+        problem = f"{verdict}: " + "; ".join(f"{item['message']} [{item['code']}]" for item in findings)
     return Observed(
         name,
         np.array(chain["skeleton"]["points"]),

@@ -54,10 +54,13 @@ class Motion:
         return out
 
     def poses(self) -> tuple[Pose, ...]:
-        """Those of the frames that have one, under the names of the frames."""
+        """Those of the frames that have one, under the names of the frames.
+
+        A model has poses called scanned and straight (`dlogen.multibody`): frames of that name get a line below it.
+        """
         return tuple(
             Pose(
-                self.common.observed[k].name,
+                f"{name}_" if (name := self.common.observed[k].name) in ("scanned", "straight") else name,
                 self.base_positions[k],
                 self.base_rotations[k],
                 self.values[k],

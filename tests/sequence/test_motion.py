@@ -92,6 +92,15 @@ def test_every_format_writes_it(result_for, name: str) -> None:
     assert all(model_format(name).write(result_for(moved()), "hose").values())
 
 
+def test_names_of_frames_that_the_model_has_for_itself() -> None:
+    frames = [
+        replace(item, name=name)
+        for item, name in zip(recorded("rod", 0, 3).observed, ("scanned", "straight", "x"), strict=True)
+    ]
+    motion = motion_of(common_model(frames, np.arange(3.0)), np.arange(3.0), JointSettings())
+    assert [pose.name for pose in motion.poses()] == ["scanned_", "straight_", "x"]
+
+
 def test_states() -> None:
     motion = moved()
     assert motion.states == tuple({7: "interpolated", 29: "held"}.get(k, "good") for k in range(30))

@@ -187,7 +187,7 @@ class _Tally:
             more = f" and {len(clouds) - _MOST_NAMED} more" if len(clouds) > _MOST_NAMED else ""
             console.warning(f"{len(clouds)} x {text}: {', '.join(clouds[:_MOST_NAMED])}{more}")
         wrong = [f"{self.failed} of {_clouds(total)} failed"] if self.failed and not tolerant else []
-        wrong += [f"of {len(clouds)} {text}" for text, clouds in self.above.items()]
+        wrong += [f"{text} for {len(clouds)}" for text, clouds in self.above.items()]
         if wrong:
             raise DlogenError("; ".join(wrong), f"{batch.folder / CSV_NAME} names them all")
 

@@ -98,7 +98,7 @@ class Row:
 
     def to_dict(self) -> dict[str, Any]:
         """As it stands in the lines of `--json`: without what is empty or only for dlogen itself."""
-        own = ("hint", "timings", "size", "modified_ns", "digest", "version", "formats")
+        own = ("timings", "size", "modified_ns", "digest", "version", "formats")
         out = {name: value for name, value in self.values().items() if value is not None and name not in own}
         if self.findings is not None:
             out["findings"] = self.findings.split()

@@ -23,6 +23,7 @@ from dlogen.model import Array, BoolArray, Cloud, Finding, Intermediate, Quality
 from dlogen.polyline import resample
 from dlogen.stages.chain import build_chain
 from dlogen.stages.checks import (
+    check_bends,
     check_deviation,
     check_followed,
     check_line,
@@ -232,6 +233,7 @@ def _refined_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock:
             *cut_ends(points, s, on_tube, skeleton, radius),
             *check_followed(points, ordering.backbone, residual + radius, radius),
             *check_radius_along(skeleton, radius, s, residual + radius),
+            *check_bends(skeleton, radius, s[on_tube]),
             *([] if given is None else check_radius(given, estimate_scale(points))),
         ),
     )

@@ -74,8 +74,9 @@ def test_two_objects_side_by_side_are_not_called_good(cloud, profile: str) -> No
     assert dlogen.fit(both, {"profile": profile}).quality.verdict != "good"
 
 
-def test_strands_side_by_side_with_a_given_radius() -> None:
-    # A hairpin with a diameter of free space between its legs: auto takes both for one thick object.
+@pytest.mark.parametrize("given", [{}, {"r": 0.01}])
+def test_strands_side_by_side(given) -> None:
+    # A hairpin with a diameter of free space between its legs.
     turn = np.linspace(-np.pi / 2, np.pi / 2, 60)
     leg = np.linspace(0.0, 0.29, 59)
     flat = np.concatenate(
@@ -86,11 +87,20 @@ def test_strands_side_by_side_with_a_given_radius() -> None:
         ]
     )
     cloud = sample_tube(from_points(np.c_[flat, np.zeros(len(flat))]), 0.01, 5000, 1)
-    automatic = dlogen.fit(cloud.points)
-    assert automatic.quality.verdict != "good"
-    assert any("give r" in finding.message for finding in automatic.quality.findings)
-    given = dlogen.fit(cloud.points, {"r": 0.01})
-    assert given.quality.verdict == "good"
-    _, distance = cloud.truth.nearest(given.skeleton_points)
+    result = dlogen.fit(cloud.points, given)
+    assert result.quality.verdict == "good"
+    _, distance = cloud.truth.nearest(result.skeleton_points)
     assert distance.max() < 0.001
-    assert given.skeleton.length == pytest.approx(cloud.truth.length, rel=0.003)
+    assert result.skeleton.length == pytest.approx(cloud.truth.length, rel=0.003)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("distance", [2.1, 2.5, 3.0, 4.0])
+def test_two_objects_whose_ends_lie_side_by_side_are_not_joined_by_a_bend(distance: float, seed: int) -> None:
+    x = np.linspace(0.0, 1.0, 100)
+    axis = np.c_[x, 0.08 * np.sin(4 * x), 0.03 * np.cos(3 * x)]
+    both = [axis, axis + np.array([0.0, distance * 0.01, 0.0])]
+    points = [
+        sample_tube(from_points(part), 0.01, 5000, 10 * seed + k, noise=3e-4).points for k, part in enumerate(both)
+    ]
+    assert dlogen.fit(np.concatenate(points)).quality.verdict != "good"

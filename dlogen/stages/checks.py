@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from dlogen.errors import FitError
 from dlogen.model import Array, BoolArray, Finding, Segmentation, Skeleton
+from dlogen.stages.curvature import curvature
 from dlogen.stages.scale import Scale, spatial_sample
 
 #: Fewer points than this cannot show a tube; the paper works with 5,000.
@@ -30,6 +31,11 @@ _STRETCHES, _PER_STRETCH = 20, 40
 _UNEVEN = 0.25
 #: Deviation of a given radius from that of the cross-sections that is reported, relative.
 _CONTRADICTED = 0.15
+#: A bend is a guess where a stretch of two radii that turns by so many radians has less than this share of the points
+#: that the stretches around it have, and so many were due.
+_TURN, _HARDLY, _DUE = 0.5, 0.25, 24
+#: Radii on either side that tell how many points are due.
+_AROUND = 10
 #: Points that are looked at to see whether the line follows all of the object.
 _LOOKED_AT = 4000
 
@@ -193,6 +199,33 @@ def check_radius_along(line: Skeleton, radius: float, s: Array, distance: Array)
         f"the radius is not the same everywhere: {1e3 * medians[worst]:.3g} mm here, {1e3 * radius:.3g} mm in the model"
     )
     return [_at(line, "radius-varies", text, "doubtful", (worst + 0.5) / _STRETCHES)]
+
+
+def check_bends(line: Skeleton, radius: float, s: Array) -> list[Finding]:
+    """Whether there are points where the line bends: ends of two objects may look like one that turns round.
+
+    Args:
+        line: the skeleton line.
+        radius: of the object, metres.
+        s: (K,) foot coordinates of the points on the tube.
+    """
+    pieces = int(line.length / radius)
+    if pieces < 2 * _AROUND:
+        return []
+    counts = np.bincount(np.minimum((s * pieces).astype(np.intp), pieces - 1), minlength=pieces).astype(float)
+    padded = np.pad(counts, _AROUND, mode="reflect")
+    due = 2.0 * np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1), axis=1)[1:]
+    turn = np.pad(curvature(line, (np.arange(pieces) + 0.5) / pieces) * line.length / pieces, 1)
+    # From half a radius before the two to half a radius after them.
+    turn = turn[1:-2] + turn[2:-1] + 0.5 * (turn[:-3] + turn[3:])
+    found = counts[:-1] + counts[1:]
+    guessed = np.flatnonzero((turn > _TURN) & (found < _HARDLY * due) & (due >= _DUE))
+    if not len(guessed):
+        return []
+    worst = guessed[np.argmax(turn[guessed])]
+    angle = np.degrees(turn[worst])
+    text = f"hardly any points are on the tube where it turns by {angle:.0f} degrees: the bend is a guess"
+    return [_at(line, "gap", text, "doubtful", (worst + 1.0) / pieces)]
 
 
 def check_followed(points: Array, backbone: Array, distance: Array, radius: float) -> list[Finding]:

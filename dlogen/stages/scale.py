@@ -2,7 +2,8 @@
 
 The radius is found in two steps. Around some fifty points of the cloud, neighbourhoods are grown until they are longer
 than wide; their width tells the order of magnitude. Then a circle is fitted to the cross-section of each of them. A
-circle fit asks for no full circumference, so that a tube that was seen from one side does as well.
+circle fit asks for no full circumference, so that a tube that was seen from one side does as well. Where strands lie so
+close together that no neighbourhood is longer than wide, the normals of the surface tell where the cross-sections are.
 """
 
 from __future__ import annotations
@@ -33,6 +34,10 @@ _ENOUGH = 50
 _PATCHES, _PATCH = 240, 10
 #: Fewest points of a neighbourhood that is judged, and of a cross-section.
 _FEWEST = 8
+#: Radii that are tried with normals: from so many spacings on, growing by this factor.
+_RESOLVED, _GROWTH = 2.0, 1.3
+#: What the circles must keep then: share of the places, noise and spread of the radii, relative to the radius.
+_NEARLY_ALL, _THIN, _ALIKE = 0.8, 0.15, 0.06
 
 
 @dataclass(frozen=True)
@@ -141,6 +146,12 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
     Raises:
         FitError: fewer than four distinct points.
     """
+    scale = _from_neighbourhoods(points, radius)
+    return scale if scale.radius_reliable else _from_normals(points, scale.spacing) or scale
+
+
+def _from_neighbourhoods(points: Array, radius: float | None) -> Scale:
+    """The scale as neighbourhoods show it that are longer than wide."""
     sample = points[spatial_sample(points, _SAMPLE)]
     if len(sample) < 4:
         raise FitError(f"{len(sample)} distinct points are too few for a centre line", "four are the least")
@@ -148,8 +159,7 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
     tree = cKDTree(sample)
     distance, index = tree.query(sample[:: -(-len(sample) // _PATCHES)], min(_PATCH, len(sample)))
     patch = sample[index] - sample[index].mean(axis=1, keepdims=True)
-    products = np.einsum("pki,pkj->ijp", patch, patch)[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
-    thickness = np.sqrt(np.maximum(eigenvalues(products / _PATCH)[0], 0.0))
+    thickness = np.sqrt(np.maximum(eigenvalues(_products(patch) / _PATCH)[0], 0.0))
     # On a surface the spacing goes with the root of the number of points.
     spacing = float(np.median(distance[:, 1])) * float(np.sqrt(len(sample) / max(len(points), len(sample))))
 
@@ -183,9 +193,7 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
         return Scale(spacing, guess, radius is not None, float("nan"), 1.0, line_share, per_radius, resolved, True)
     noise = float(np.median(fit.noise[good]))
     estimate = float(np.median(fit.radius[good]))
-    # Half the circumference has its centroid at 2 r / pi; less of it, farther out.
-    lopsided = float(np.median(fit.lopsided[good]))
-    coverage = float(np.interp(lopsided, [0.0, 0.2, 2 / np.pi, 1.0], [1.0, 1.0, 0.5, 0.0]))
+    coverage = _coverage(float(np.median(fit.lopsided[good])))
     spread = float(np.median(np.abs(fit.radius[good] - estimate)))
     # Noise across the axis moves points outward on average.
     estimate -= min(noise**2 / (2.0 * estimate), 0.2 * estimate)
@@ -207,6 +215,101 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
         resolved,
         circular,
     )
+
+
+def _coverage(lopsided: float) -> float:
+    """Share of the circumference that was seen, from the distance of its centroid from the centre, in radii."""
+    # Half the circumference has its centroid at 2 r / pi; less of it, farther out.
+    return float(np.interp(lopsided, [0.0, 0.2, 2 / np.pi, 1.0], [1.0, 1.0, 0.5, 0.0]))
+
+
+def _from_normals(points: Array, spacing: float) -> Scale | None:
+    """The scale of strands that lie close together, from the normals of their surfaces; None if these show no tube.
+
+    The normals around a place are across the axis (paper Eq. 6), and the axis is one radius away along the normal. So
+    every radius that is tried has its cross-sections; it is right if the circles through nearly all of them have it.
+    """
+    sample = points[spatial_sample(points, 2 * _SAMPLE)]
+    sample = sample - middle(sample)
+    if len(sample) < _ENOUGH:
+        return None
+    tree = cKDTree(sample)
+    distance, index = tree.query(sample, _PATCH)
+    patch = sample[index] - sample[index].mean(axis=1, keepdims=True)
+    normals = smallest_axes(_products(patch))
+    places = np.unique(np.linspace(0, len(sample) - 1, _PLACES).astype(np.intp))
+    smallest = _RESOLVED * float(np.median(distance[:, 1]))
+    largest = 0.5 * float(np.ptp(sample, axis=0).max())
+    best: tuple[float, float, _Circles] | None = None
+    for radius in smallest * _GROWTH ** np.arange(int(np.log(max(largest / smallest, 1.0)) / np.log(_GROWTH)) + 1):
+        fit, estimate = _with_radius(sample, tree, normals, places, float(radius))
+        if abs(estimate - radius) > (_GROWTH - 1.0) * radius:
+            continue
+        fit, estimate = _with_radius(sample, tree, normals, places, estimate)
+        noise = float(np.median(fit.noise[fit.good])) if fit.good.any() else np.inf
+        spread = float(np.median(np.abs(fit.radius[fit.good] - estimate))) if fit.good.any() else np.inf
+        kept = fit.good.mean() > _NEARLY_ALL and noise < _THIN * estimate and spread < _ALIKE * estimate
+        if kept and (best is None or noise / estimate < best[0]):
+            best = noise / estimate, estimate, fit
+    if best is None:
+        return None
+    relative, estimate, fit = best
+    return Scale(
+        spacing,
+        estimate * (1.0 - 0.5 * relative**2),
+        True,
+        relative * estimate,
+        _coverage(float(np.median(fit.lopsided[fit.good]))),
+        float(fit.good.mean()),
+        float(np.median(fit.per_length)) * estimate * len(points) / len(sample),
+        True,
+        True,
+    )
+
+
+def _with_radius(
+    sample: Array, tree: cKDTree, normals: Array, places: IntArray, radius: float
+) -> tuple[_Circles, float]:
+    """Circles through the cross-sections that a radius suggests, and the radius that they have: 0 if they have none."""
+    around = _within(tree, sample[places], 1.5 * radius)
+    inside = around < len(sample)
+    near = normals[np.where(inside, around, 0)] * inside[:, :, None]
+    direction = smallest_axes(_products(near))
+    across = normals[places] - direction * np.einsum("pi,pi->p", normals[places], direction)[:, None]
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    # The normal has no sign: the axis is on the side where the surface is one radius from it, and nothing is nearer.
+    centres = [sample[places] + side * radius * across for side in (1.0, -1.0)]
+    votes = [_votes(sample, tree, centre, direction, radius) for centre in centres]
+    centre = np.where((votes[0] >= votes[1])[:, None], *centres)
+    even = np.ones(len(places))
+    fit = _cross_sections(tree, sample, _Stretches(centre, direction, radius * even, even, even > 0.0), radius)
+    return fit, float(np.median(fit.radius[fit.good])) if fit.good.any() else 0.0
+
+
+def _votes(sample: Array, tree: cKDTree, centre: Array, direction: Array, radius: float) -> IntArray:
+    """Points of each cross-section that are about a radius from its centre, less those that are nearer."""
+    around = _within(tree, centre, 1.6 * radius)
+    inside = around < len(sample)
+    offset = sample[np.where(inside, around, 0)] - centre[:, None]
+    along = np.einsum("pki,pi->pk", offset, direction)
+    distance = np.sqrt(np.maximum(np.einsum("pki,pki->pk", offset, offset) - along**2, 0.0))
+    inside &= np.abs(along) < radius
+    votes: IntArray = (inside & (np.abs(distance - radius) < 0.3 * radius)).sum(axis=1) - (
+        inside & (distance < 0.7 * radius)
+    ).sum(axis=1)
+    return votes
+
+
+def _within(tree: cKDTree, places: Array, reach: float) -> IntArray:
+    """(P, K) indices of the points around places; an index past the end where there are fewer."""
+    index: IntArray = tree.query(places, min(_NEIGHBOURS, tree.n), distance_upper_bound=reach)[1]
+    return index
+
+
+def _products(vectors: Array) -> Array:
+    """Sums of the products of vectors with themselves, as `eigenvalues` takes them: (P, K, 3) -> (6, P)."""
+    result: Array = np.einsum("pki,pkj->ijp", vectors, vectors)[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+    return result
 
 
 def _expected_per_radius(radius: float, spacing: float) -> float:

@@ -6,6 +6,7 @@ import pytest
 from dlogen.errors import FitError
 from dlogen.stages.checks import (
     MIN_POINTS,
+    check_bends,
     check_followed,
     check_line,
     check_points,
@@ -204,6 +205,29 @@ class TestRadius:
         s, distance = foot_points(tube.points, exact_line(tube.truth))
         (finding,) = check_radius_along(exact_line(tube.truth), tube.radius, s, distance * (1.4 - 0.8 * s))
         assert min(finding.s, 1.0 - finding.s) < 0.1
+
+
+class TestBends:
+    def test_a_bend_without_points_is_a_guess(self, circle) -> None:
+        bow = circle(0.03, np.pi * 1.8)  # 170 mm long, 17 radii
+        line = circle(0.05, 1.9 * np.pi)
+        s = np.random.default_rng(0).random(3000)
+        assert check_bends(line, 0.01, s) == []
+        (finding,) = check_bends(line, 0.01, s[abs(s - 0.4) > 0.06])
+        assert (finding.code, finding.severity) == ("gap", "doubtful")
+        assert finding.s == pytest.approx(0.4, abs=0.05)
+        assert check_bends(bow, 0.01, s[abs(s - 0.4) > 0.1]) == []  # too short to tell
+
+    def test_a_gap_on_the_way_straight_on_is_none(self, exact_line, tube) -> None:
+        s, _ = foot_points(tube.points, exact_line(tube.truth))
+        for middle in np.linspace(0.1, 0.9, 9):
+            assert check_bends(exact_line(tube.truth), tube.radius, s[abs(s - middle) > 0.02]) == []
+
+    @pytest.mark.parametrize("seed", range(10))
+    def test_chance_makes_none(self, circle, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        for count in (200, 1000, 5000):
+            assert check_bends(circle(0.03, 25 * np.pi), 0.01, rng.random(count) ** 1.5) == []
 
 
 class TestFollowed:

@@ -7,7 +7,7 @@ import pytest
 
 from dlogen.errors import FitError
 from dlogen.stages.scale import estimate_scale, spatial_sample
-from dlogen.synthetic import centre_line, random_centre_line, sample_tube
+from dlogen.synthetic import centre_line, coil_centre_line, random_centre_line, sample_tube
 
 VIEW = [0.3, 0.2, -1.0]
 
@@ -108,11 +108,35 @@ def test_plane_and_ball_are_no_lines():
         assert not scale.radius_reliable
 
 
-def test_touching_turns_are_not_round():
-    from dlogen.synthetic import coil_centre_line
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("pitch", [2.1, 2.5, 3.5])
+def test_turns_close_together_have_the_radius_of_the_strand(pitch, seed):
+    points = sample_tube(coil_centre_line(1.4, pitch * 0.012), 0.012, 5000, seed, noise=0.0005).points
+    scale = estimate_scale(points)
+    assert scale.radius == pytest.approx(0.012, rel=0.05)
+    assert scale.radius_reliable
+    # Points of the neighbours are counted as well where these touch.
+    assert scale.per_radius == pytest.approx(5000 * 0.012 / 1.4, rel=0.7 if pitch < 2.3 else 0.4)
+    order = np.random.default_rng(seed).permutation(len(points))
+    assert estimate_scale(points[order]) == scale
 
-    points = sample_tube(coil_centre_line(1.4, 0.0252), 0.012, 5000, 2, noise=0.0005).points
-    assert not estimate_scale(points).round
+
+def test_touching_turns_whose_normals_say_nothing_are_not_round():
+    points = sample_tube(coil_centre_line(1.4, 0.0252), 0.012, 5000, 2, noise=0.0025).points
+    scale = estimate_scale(points)
+    assert not (scale.radius_reliable and scale.round)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_no_radius_is_read_from_what_is_no_tube(seed):
+    rng = np.random.default_rng(seed)
+    ball = rng.normal(size=(5000, 3))
+    shell = 0.1 * ball / np.linalg.norm(ball, axis=1, keepdims=True)
+    plane = np.c_[rng.uniform(0, 1, (5000, 2)), rng.normal(0, 0.001, 5000)]
+    box = rng.uniform(-0.1, 0.1, (5000, 3))
+    box[np.arange(5000), rng.integers(0, 3, 5000)] = 0.1
+    for points in (ball, shell, plane, box):
+        assert not estimate_scale(points).radius_reliable
 
 
 def test_beads_on_a_string_show_no_width():

@@ -35,7 +35,8 @@ CONNECT_SECONDS, PATIENCE_SECONDS = 10.0, 5.0
 #: A Dask task costs its scheduler some milliseconds. Seconds that one should take, and clouds and bytes in it at most.
 BATCH_SECONDS, BATCH_CLOUDS, BATCH_BYTES = 5.0, 100, 1 << 20
 
-#: Dask tasks for each thread of the workers: one that it is at and one that waits.
+#: Dask tasks for each thread of the workers: one that it is at and one that waits. Clusters that adapt
+#: take more workers as long as there is work for more than 5 seconds.
 TASKS_PER_THREAD = 2
 
 #: Seconds between looks at how many workers there are, and for saying goodbye.
@@ -205,7 +206,8 @@ class _Cluster:
             elif now - self._alone_since > PATIENCE_SECONDS:
                 self._say(f"no Dask worker is connected to {self._scheduler}: waiting for one")
                 self._alone_since = float("inf")
-        return max(0, TASKS_PER_THREAD * self._threads - len(self.under_way))
+        # Clusters that adapt have no workers until there is something to do.
+        return max(0, TASKS_PER_THREAD * max(self._threads, 1) - len(self.under_way))
 
     def submit(self, batch: list[Task], order: Order) -> None:
         """Send a batch."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dlogen.cli import Command
+from dlogen.commands._options import config_options, format_option
 from dlogen.console import Console, print_json
 
 if TYPE_CHECKING:
@@ -25,9 +26,7 @@ _EXAMPLES = """Examples:
 
 @click.command(cls=Command, epilog=_EXAMPLES)
 @click.argument("cloud", type=click.Path(allow_dash=True))
-@click.option("-c", "--config", "config_path", metavar="FILE", help="YAML configuration (see dlogen config show).")
-@click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Set one configuration key; repeatable.")
-@click.option("--profile", type=click.Choice(["refined", "paper"]), help="Shorthand for --set profile=...")
+@config_options
 @click.option(
     "--frame",
     "convention",
@@ -35,14 +34,7 @@ _EXAMPLES = """Examples:
     help="Axes of the output: as in the cloud, or from a camera's optical frame to that of ROS.",
 )
 @click.option("-o", "--output", "folder", metavar="DIR", default=".", help="Folder for the outputs.  [default: .]")
-@click.option(
-    "--format",
-    "formats",
-    metavar="NAME,...",
-    default="urdf,json",
-    show_default=True,
-    help="Model formats to write (see dlogen formats), or all.",
-)
+@format_option("urdf,json")
 @click.option("--reference", metavar="CURVE", help="Known centre line, in the frame of the output.")
 @click.option("--dump", "dump_folder", metavar="DIR", help="Write what every stage made into this folder.")
 @click.option("--plot", is_flag=True, help="Write a picture, NAME.png (needs matplotlib: dlogen[plots]).")
@@ -53,7 +45,6 @@ def command(
     cloud: str,
     config_path: str | None,
     overrides: tuple[str, ...],
-    profile: str | None,
     convention: str | None,
     folder: str,
     formats: str,
@@ -74,9 +65,8 @@ def command(
     from dlogen.files import refuse_existing, write_all
     from dlogen.outputs import Outputs
 
-    flags = {"profile": profile, "frame.convention": convention}
-    given = [f"{key}={value}" for key, value in flags.items() if value is not None]
-    config = load_config(config_path, [*overrides, *given])
+    flags = [] if convention is None else [f"frame.convention={convention}"]
+    config = load_config(config_path, [*overrides, *flags])
     outputs = Outputs.parse(formats, plot)
     stem = "cloud" if cloud == "-" else Path(cloud).stem
     out = Path(folder)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dlogen.cli import Command
+from dlogen.commands._options import Workers, config_options, format_option, worker_options
 from dlogen.console import Console, print_json
 
 if TYPE_CHECKING:
@@ -39,29 +40,12 @@ _MOST_NAMED = 20
     metavar="HZ",
     help="Frames a second, where the numbers in the names are not times.",
 )
-@click.option("-j", "--jobs", type=click.IntRange(1), metavar="N", help="Worker processes.  [default: all cores]")
-@click.option("-c", "--config", "config_path", metavar="FILE", help="YAML configuration (see dlogen config show).")
-@click.option("--set", "overrides", metavar="KEY=VALUE", multiple=True, help="Set one configuration key; repeatable.")
-@click.option("--profile", type=click.Choice(["refined", "paper"]), help="Shorthand for --set profile=...")
-@click.option(
-    "--format",
-    "formats",
-    metavar="NAME,...",
-    default="urdf,mjcf",
-    show_default=True,
-    help="Model formats to write (see dlogen formats), or all.",
-)
+@config_options
+@format_option("urdf,mjcf")
 @click.option("--keep-doubtful", is_flag=True, help="Go by frames whose verdict is doubtful as well.")
 @click.option("--smooth", is_flag=True, help="Even out the noise from frame to frame.")
 @click.option("--plot", is_flag=True, help="Write a picture, sequence.png (needs matplotlib: dlogen[plots]).")
-@click.option(
-    "--timeout", type=click.FloatRange(0.0, min_open=True), metavar="SECONDS", help="Time that a frame may take."
-)
-@click.option("--scheduler", metavar="ADDRESS", help="Let a Dask cluster do the fits (needs dlogen[distributed]).")
-@click.option(
-    "--scheduler-file", metavar="FILE", help="As --scheduler, with the address from the scheduler's own file."
-)
-@click.option("--ship", is_flag=True, help="Send clouds and results: the cluster does not see the files here.")
+@worker_options
 @click.option("--retry", is_flag=True, help="Fit frames again that failed before.")
 @click.option("--force", is_flag=True, help="Fit all frames again, and overwrite files of others.")
 @click.option("--strict", is_flag=True, help="Exit 1 unless all frames are good.")
@@ -70,18 +54,13 @@ def command(
     inputs: tuple[str, ...],
     folder: str,
     rate: float | None,
-    jobs: int | None,
     config_path: str | None,
     overrides: tuple[str, ...],
-    profile: str | None,
     formats: str,
     keep_doubtful: bool,
     smooth: bool,
     plot: bool,
-    timeout: float | None,
-    scheduler: str | None,
-    scheduler_file: str | None,
-    ship: bool,
+    workers: Workers,
     retry: bool,
     force: bool,
     strict: bool,
@@ -101,10 +80,8 @@ def command(
     from dlogen.batch.inputs import find_items
     from dlogen.batch.ledger import NAME as LEDGER
     from dlogen.batch.ledger import Ledger
-    from dlogen.batch.pool import LocalPool, Pool
     from dlogen.batch.run import Batch, Settings
     from dlogen.batch.work import Plan
-    from dlogen.commands.batch import cores, scheduler_address
     from dlogen.errors import FitError
     from dlogen.files import refuse_existing, write_all
     from dlogen.formats import model_format
@@ -112,9 +89,8 @@ def command(
     from dlogen.sequence.names import MODEL, file_names
     from dlogen.sequence.times import frame_times
 
-    given = (*overrides, *([f"profile={profile}"] if profile else []))
-    config, for_fits, overrides = _configs(config_path, given, console)
-    address = scheduler_address(scheduler, scheduler_file, jobs, ship, console)
+    workers.check()
+    config, for_fits, overrides = _configs(config_path, overrides, console)
     wanted = Outputs.parse(formats).formats
     out, fits = Path(folder), Path(folder) / "frames"
     expected = [name for item in wanted for name in model_format(item).files(MODEL)]
@@ -130,19 +106,11 @@ def command(
         console.warning("the names of the frames hold no times: one frame a second is assumed")
         console.hint("say how many there are a second: --rate HZ")
 
-    plan = Plan(None if ship else str(fits), for_fits, overrides, outputs)
+    plan = Plan(None if workers.ship else str(fits), for_fits, overrides, outputs)
     ledger = Ledger(fits)
     try:
-        batch = Batch(items, fits, plan, ledger, Settings(force, retry, ship))
-        total = max(1, len(batch.todo))
-        pool: Pool
-        if address is None:
-            pool = LocalPool(plan, min(jobs or cores(), total), timeout=timeout)
-        else:
-            from dlogen.batch.cluster import DaskPool
-
-            pool = DaskPool(plan, address, total, timeout=timeout, say=console.info)
-        follow(batch, pool, console, tolerant=True)
+        batch = Batch(items, fits, plan, ledger, Settings(force, retry, workers.ship))
+        follow(batch, workers.pool(plan, len(batch.todo), console), console, tolerant=True)
         rows = {row.key: row for row in ledger.rows()}
     finally:
         ledger.close()

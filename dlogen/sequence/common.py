@@ -14,14 +14,17 @@ from dlogen.model import Array, BoolArray
 from dlogen.sequence.links import Shape, deviations, equal_links, fewest_links, fit_links, links_of_length
 from dlogen.sequence.observed import Aside, Observed, Sizes, common_sizes, set_aside
 from dlogen.sequence.pose import filled_in, smoothed
-from dlogen.sequence.track import directions, misfits
+from dlogen.sequence.track import directions, hidden_ends, misfits
 from dlogen.stages.curvature import max_segment_length
 
 #: More links than any simulator takes.
 _MOST_LINKS = 2000
 
-#: Points of a curve by which it is compared with others.
-_COMPARED = 16
+#: Points of a curve by which its direction is found, and by which it is compared with its neighbours in time.
+_DIRECTED, _COMPARED = 16, 76
+
+#: Shares of what is missing in length that may be missing at the beginning of a curve.
+_AT_START = np.array([0.5, 0.0, 1.0])
 
 #: Bends are measured over this many of the thousand points of a curve, to either side.
 _STENCIL = 10
@@ -109,7 +112,8 @@ def common_model(
     if times is None:
         reverse = _nearest_ends(compared)
     else:
-        reverse, kept = directions(compared, times[used], sizes.radius.value)
+        # Every fifth, both ends among them.
+        reverse, kept = directions(compared[:, :: (_COMPARED - 1) // (_DIRECTED - 1)], times[used], sizes.radius.value)
         compared[reverse] = compared[reverse][:, ::-1]
         off, allowed = misfits(compared, times[used], kept, sizes.radius.value)
         for k, distance, most in zip(used, off, allowed, strict=True):
@@ -123,6 +127,8 @@ def common_model(
     all_reverse[used] = reverse
     good = np.flatnonzero(_good(asides, observed)).tolist()
     shape = _shape([observed[k] for k in good], sizes.length.value, all_reverse[good])
+    if times is not None:
+        shape = _with_hidden_ends(shape, times[good], 3.0 * sizes.length.spread)
 
     e_max = 0.5 * sizes.radius.value if e_max is None else e_max
     radius, which, s = _tightest(shape)
@@ -180,6 +186,20 @@ def _shape(observed: Sequence[Observed], length: float, reverse: BoolArray | Non
         curves[reverse] = curves[reverse][:, ::-1]
     lengths = np.array([item.length for item in observed])
     return Shape(curves, lengths, length, 0.5 * (length - lengths))
+
+
+def _with_hidden_ends(shape: Shape, times: Array, noise: float) -> Shape:
+    """The same curves, with what is missing in length where their motion says: at one end, the other, or half at each.
+
+    Only where more is missing, or too much, than noise explains: what noise adds or takes away is the same at both ends
+    on average.
+    """
+    lack = shape.length - shape.lengths
+    places = np.linspace(0.0, shape.length, _DIRECTED)
+    starts = np.where(np.abs(lack)[:, None] > noise, lack[:, None] * _AT_START, 0.5 * lack[:, None])
+    variants = [Shape(shape.curves, shape.lengths, shape.length, start).points(places) for start in starts.T]
+    choice = hidden_ends(np.stack(variants, axis=1), times)
+    return Shape(shape.curves, shape.lengths, shape.length, starts[np.arange(len(lack)), choice])
 
 
 def _nearest_ends(curves: Array) -> BoolArray:

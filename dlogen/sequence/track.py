@@ -1,4 +1,4 @@
-"""From frame to frame: which end is first, and which frames do not fit between their neighbours in time."""
+"""From frame to frame: which end is first, which one is hidden, which frames do not fit between their neighbours."""
 
 from __future__ import annotations
 
@@ -97,11 +97,43 @@ def directions(curves: Array, times: Array, least: float) -> tuple[BoolArray, Bo
     return reverse, kept
 
 
+def hidden_ends(variants: Array, times: Array) -> IntArray:
+    """Which of several versions of each curve make the smoothest motion.
+
+    The sequence with the least changes of velocity, as in `directions`, but without leaving any out, and with less
+    weight for what happens across gaps: acceleration does more there.
+
+    Args:
+        variants: (F, V, P, 3) points at the same places of the object, by what is taken for hidden, metres.
+        times: (F,) seconds, increasing.
+
+    Returns:
+        (F,) index of the version.
+    """
+    count, kinds = variants.shape[:2]
+    if count < 3:
+        return np.zeros(count, dtype=np.intp)
+    usual = float(np.median(np.diff(times)))
+    best = _WAY * _rms(variants[0][:, None] - variants[1][None])
+    before = np.zeros((count, kinds, kinds), dtype=np.intp)
+    for k in range(2, count):
+        # (a, b, c): versions of k - 2, k - 1 and k.
+        way = _WAY * _rms(variants[k - 1][:, None] - variants[k][None])
+        weight = min(1.0, usual**2 / ((times[k] - times[k - 1]) * (times[k - 1] - times[k - 2])))
+        total = best[:, :, None] + weight * _bends(variants, times, k, 1)[0] + way
+        before[k], best = total.argmin(axis=0), total.min(axis=0)
+    choice = np.zeros(count, dtype=np.intp)
+    choice[-2:] = np.unravel_index(np.argmin(best), best.shape)
+    for k in range(count - 1, 1, -1):
+        choice[k - 2] = before[k][choice[k - 1], choice[k]]
+    return choice
+
+
 def _bends(both: Array, times: Array, k: int, gap: int, count: int = 1) -> Array:
     """Distance of curve j = k - gap to the straight way from the curves i = j - 1, j - 2, ... to k.
 
     Returns:
-        (count, 2, 2, 2) by i and the directions of i, j and k.
+        (count, 2, 2, 2) by i and the directions, or whichever versions there are, of i, j and k.
     """
     j = k - gap
     i = j - 1 - np.arange(count)
@@ -154,7 +186,7 @@ def _foretold(curves: Array, times: Array, kept: BoolArray, least: float) -> tup
     for k in range(len(curves)):
         around, sided[k] = _neighbours(places[places != k], k)
         off[k], noise[k], unsure[k] = _distance(curves, times, k, around)
-        speed = max(float(_rms(curves[a] - curves[b]) / (times[b] - times[a])) for a, b in pairwise(around))
+        speed = max(_farthest(curves[a] - curves[b]) / float(times[b] - times[a]) for a, b in pairwise(around))
         step[k] = speed * np.abs(times[around] - times[k]).min()
     usual = np.full(len(curves), float(np.median((off / noise)[kept & ~sided])))
     if sided.any():
@@ -163,6 +195,11 @@ def _foretold(curves: Array, times: Array, kept: BoolArray, least: float) -> tup
         usual[sided] = float(np.median([distance / loud for distance, loud, _ in alike]))
     fast = np.where(sided, step, np.maximum(_OF_STEP * step, unsure))
     return off, np.maximum(np.maximum(least, _USUAL * usual * noise), fast)
+
+
+def _farthest(offset: Array) -> float:
+    """(P, 3) -> largest distance: also where a curve is wrong in one place only."""
+    return float(np.sqrt(np.einsum("px,px->p", offset, offset).max()))
 
 
 def _neighbours(others: IntArray, k: int) -> tuple[IntArray, bool]:
@@ -188,12 +225,12 @@ def _distance(curves: Array, times: Array, k: int, around: IntArray) -> tuple[fl
     if t[0] < 0.0 < t[-1]:
         after = int(np.searchsorted(t, 0.0))
         straight, best = _weights(t, np.array([after - 1, after])), weights[len(t)]
-        unsure = float(_rms(np.einsum("k,kpx->px", best - straight, curves[around])))
+        unsure = _farthest(np.einsum("k,kpx->px", best - straight, curves[around]))
         weights = {len(t): best}
     else:
         unsure = 0.0
     found = [
-        (float(_rms(np.einsum("k,kpx->px", row, curves[around]) - curves[k])), float(np.sqrt(1.0 + row @ row)))
+        (_farthest(np.einsum("k,kpx->px", row, curves[around]) - curves[k]), float(np.sqrt(1.0 + row @ row)))
         for row in weights.values()
     ]
     return *min(found), unsure

@@ -189,7 +189,7 @@ class _Cluster:
         self._run = f"dlogen-{uuid.uuid4().hex}"
         self._count = 0
         self._threads = 0
-        self._looked = -_LOOK_SECONDS
+        self._looked = float("-inf")
         #: Since when there is no worker.
         self._alone_since: float | None = time.monotonic()
 

@@ -117,9 +117,16 @@ def serve(version: str, pickled: bytes) -> Reply:
                     break
                 if task.content is None and not os.path.lexists(task.cloud):
                     unseen.append(task.key)
-                outcomes.append(process.work(task))
+                outcome = process.work(task)
+                if process.closed:
+                    # By us: that is nothing about the cloud, should somebody want to know after all.
+                    break
+                outcomes.append(outcome)
     except DlogenError as error:
         return Reply(here, refusal=(f"the Dask worker {here}: {error.message}", error.hint))
+    except OSError as error:
+        hint = "are there memory, processes and room for temporary files left on that machine?"
+        return Reply(here, refusal=(f"the Dask worker {here} cannot start a process: {error.strerror or error}", hint))
     return Reply(here, tuple(outcomes), time.monotonic() - start, tuple(unseen))
 
 

@@ -108,25 +108,16 @@ def common_model(
         asides[k] = asides[k] or set_aside(item, sizes)
     used = np.flatnonzero(_good(asides, observed)).tolist()
     shape = _shape([observed[k] for k in used], sizes.length.value)
-    compared = shape.points(np.linspace(0.0, sizes.length.value, _COMPARED))
+    reverse = np.zeros(len(observed), dtype=bool)
     if times is None:
-        reverse = _nearest_ends(compared)
+        reverse[used] = _nearest_ends(shape.points(np.array([0.0, sizes.length.value])))
     else:
-        # Every fifth, both ends among them.
-        reverse, kept = directions(compared[:, :: (_COMPARED - 1) // (_DIRECTED - 1)], times[used], sizes.radius.value)
-        compared[reverse] = compared[reverse][:, ::-1]
-        off, allowed = misfits(compared, times[used], kept, sizes.radius.value)
-        for k, distance, most in zip(used, off, allowed, strict=True):
-            if distance > most:
-                asides[k] = Aside(
-                    "motion",
-                    f"{1e3 * distance:.3g} mm from where its neighbours in time say (allowed {1e3 * most:.2g})",
-                )
+        reverse[used], wrong = _by_motion(shape, times[used], sizes.radius.value)
+        for k, aside in zip(used, wrong, strict=True):
+            asides[k] = aside
     sizes = common_sizes(observed, _good(asides, observed))
-    all_reverse = np.zeros(len(observed), dtype=bool)
-    all_reverse[used] = reverse
     good = np.flatnonzero(_good(asides, observed)).tolist()
-    shape = _shape([observed[k] for k in good], sizes.length.value, all_reverse[good])
+    shape = _shape([observed[k] for k in good], sizes.length.value, reverse[good])
     if times is not None:
         shape = _with_hidden_ends(shape, times[good], 3.0 * sizes.length.spread)
 
@@ -152,7 +143,7 @@ def common_model(
         criterion=criterion,
         e_max=e_max,
         links=links,
-        reverse=all_reverse,
+        reverse=reverse,
         joints=joints,
         deviation=deviation,
         bend=Bend(radius, int(good[which]), s),
@@ -186,6 +177,22 @@ def _shape(observed: Sequence[Observed], length: float, reverse: BoolArray | Non
         curves[reverse] = curves[reverse][:, ::-1]
     lengths = np.array([item.length for item in observed])
     return Shape(curves, lengths, length, 0.5 * (length - lengths))
+
+
+def _by_motion(shape: Shape, times: Array, radius: float) -> tuple[BoolArray, list[Aside | None]]:
+    """Which curves to reverse, and which do not fit between their neighbours in time."""
+    compared = shape.points(np.linspace(0.0, shape.length, _COMPARED))
+    # Every fifth, both ends among them.
+    reverse, kept = directions(compared[:, :: (_COMPARED - 1) // (_DIRECTED - 1)], times, radius)
+    compared[reverse] = compared[reverse][:, ::-1]
+    off, allowed = misfits(compared, times, kept, radius)
+    asides = [
+        Aside("motion", f"{1e3 * far:.3g} mm from where its neighbours in time say (allowed {1e3 * most:.2g})")
+        if far > most
+        else None
+        for far, most in zip(off, allowed, strict=True)
+    ]
+    return reverse, asides
 
 
 def _with_hidden_ends(shape: Shape, times: Array, noise: float) -> Shape:

@@ -9,6 +9,7 @@ both sides of its chain, as a circle does between the corners and the sides of a
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_banded
@@ -41,28 +42,38 @@ def links_of_length(length: float, link: float) -> Array:
     return np.concatenate([np.full(count - 1, link), [last]])
 
 
-def material_points(curves: Array, lengths: Array, length: float, start: Array, coordinates: Array) -> Array:
-    """Points of the object on curves that show it, by distance along the object.
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """Curves that show an object, with what says where on it they lie.
 
-    Curves are a little shorter or longer than the object. Beyond their ends it goes on straight.
-
-    Args:
+    Attributes:
         curves: (F, K, 3) points even in arc length, metres.
         lengths: (F,) arc lengths of the curves.
         length: of the object, metres.
         start: (F,) where on the object the curves begin; negative where they begin before it.
-        coordinates: (C,) distances along the object from its beginning, metres.
-
-    Returns:
-        (F, C, 3)
     """
-    last = curves.shape[1] - 1
-    u = (coordinates - start[:, None]) / lengths[:, None] * last
-    i = np.clip(u.astype(np.intp), 0, last - 1)
-    t = (u - i)[..., None]
-    frame = np.arange(len(curves))[:, None]
-    points: Array = (1.0 - t) * curves[frame, i] + t * curves[frame, i + 1]
-    return points
+
+    curves: Array
+    lengths: Array
+    length: float
+    start: Array
+
+    def points(self, coordinates: Array) -> Array:
+        """Points of the object by distance along it: (C,) metres -> (F, C, 3).
+
+        Beyond the ends of a curve the object goes on straight.
+        """
+        last = self.curves.shape[1] - 1
+        u = (coordinates - self.start[:, None]) / self.lengths[:, None] * last
+        i = np.clip(u.astype(np.intp), 0, last - 1)
+        t = (u - i)[..., None]
+        frame = np.arange(len(self.curves))[:, None]
+        points: Array = (1.0 - t) * self.curves[frame, i] + t * self.curves[frame, i + 1]
+        return points
+
+    def of(self, frames: list[int]) -> Shape:
+        """Some of them."""
+        return Shape(self.curves[frames], self.lengths[frames], self.length, self.start[frames])
 
 
 def fit_links(shape: Shape, links: Array) -> Array:
@@ -99,21 +110,6 @@ def fit_links(shape: Shape, links: Array) -> Array:
         if not len(active):
             break
     return joints
-
-
-class Shape:
-    """Curves with what says where on the object they lie; see `material_points`."""
-
-    def __init__(self, curves: Array, lengths: Array, length: float, start: Array) -> None:
-        self.curves, self.lengths, self.length, self.start = curves, lengths, length, start
-
-    def points(self, coordinates: Array) -> Array:
-        """(C,) distances along the object -> (F, C, 3)."""
-        return material_points(self.curves, self.lengths, self.length, self.start, coordinates)
-
-    def of(self, frames: list[int]) -> Shape:
-        """Some of them."""
-        return Shape(self.curves[frames], self.lengths[frames], self.length, self.start[frames])
 
 
 def _step(joints: Array, links: Array, right: Array, tension: Array) -> tuple[Array, Array]:

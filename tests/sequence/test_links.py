@@ -17,7 +17,6 @@ from dlogen.sequence.links import (
     fit_links,
     from_directions,
     links_of_length,
-    material_points,
 )
 from dlogen.synthetic import random_centre_line
 
@@ -67,12 +66,12 @@ class TestLengths:
 class TestMaterialPoints:
     def test_by_distance_along_the_object(self) -> None:
         line = random_centre_line(1, 1.4)
-        points = material_points(line.points(1000)[None], np.array([1.4]), 1.4, np.zeros(1), np.array([0.0, 0.35, 1.4]))
+        points = shape_of([line.points(1000)], 1.4).points(np.array([0.0, 0.35, 1.4]))
         assert points[0] == pytest.approx(line(np.array([0.0, 0.25, 1.0])), abs=1e-5)
 
     def test_what_a_curve_does_not_show_goes_on_straight(self) -> None:
         curve = np.stack([np.linspace(0.0, 1.0, 50), np.zeros(50), np.zeros(50)], axis=1)
-        points = material_points(curve[None], np.array([1.0]), 1.1, np.array([0.02]), np.array([0.0, 0.02, 1.02, 1.1]))
+        points = Shape(curve[None], np.array([1.0]), 1.1, np.array([0.02])).points(np.array([0.0, 0.02, 1.02, 1.1]))
         assert points[0, :, 0] == pytest.approx([-0.02, 0.0, 1.0, 1.08])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import pkgutil
 import sys
 from typing import Any, NoReturn
@@ -103,6 +104,9 @@ def cli() -> None:
 
 def main() -> NoReturn:
     """Entry point of the `dlogen` script."""
+    # Closed by the caller (`>&-`): there is nobody to write to.
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: PTH123, SIM115
+    sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: PTH123, SIM115
     try:
         cli.main(prog_name="dlogen")
     except BrokenPipeError:

@@ -69,9 +69,7 @@ def follow(
                 tally.add(row)
                 if as_json:
                     more = {"kept": True} if kept else {}
-                    line = json.dumps(row.to_dict() | more, ensure_ascii=False, allow_nan=False)
-                    # JSON is UTF-8, whatever the terminal is.
-                    click.echo(line.encode())
+                    _print(json.dumps(row.to_dict() | more, ensure_ascii=False, allow_nan=False))
                 elif not kept:
                     console.detail(_line(row))
         write_summary(batch.ledger, batch.folder)
@@ -90,6 +88,18 @@ def follow(
     if finish is not None:
         finish()
     tally.tell(batch, console, time.monotonic() - start, tolerant)
+
+
+def _print(line: str) -> None:
+    try:
+        # JSON is UTF-8, whatever the terminal is.
+        click.echo(line.encode())
+    except BrokenPipeError:
+        # Nobody reads it any more (`| head`), which is no error of ours.
+        raise
+    except OSError as error:
+        hint = "free some space where standard output leads to, and run the same command again"
+        raise OutputError(f"cannot print: {error.strerror or error}", hint, for_all=True) from error
 
 
 def _rows(batch: Batch, pool: Pool, console: Console, bar: bool) -> Generator[tuple[Row, bool], None, None]:

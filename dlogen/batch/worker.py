@@ -22,6 +22,10 @@ _NEEDED = (
 )
 
 
+#: More than any machine has, and less than the system's numbers can be.
+_MOST_MEMORY = 1 << 60
+
+
 def main() -> None:
     """Entry point; the pool starts it. First comes (plan, memory limit in bytes or None), then tasks."""
     # Only answers may go to the pipe: what a library prints goes to the log.
@@ -85,7 +89,7 @@ def limit_memory(limit: int) -> None:
     with open("/proc/self/statm", encoding="ascii") as stream:  # noqa: PTH123
         taken = int(stream.read().split()[0]) * resource.getpagesize()
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    wanted = [taken + limit] + [value for value in (soft, hard) if value != resource.RLIM_INFINITY]
+    wanted = [min(taken + limit, _MOST_MEMORY)] + [value for value in (soft, hard) if value != resource.RLIM_INFINITY]
     resource.setrlimit(resource.RLIMIT_AS, (min(wanted), hard))
 
 

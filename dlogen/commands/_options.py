@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Callable
@@ -73,7 +74,8 @@ def worker_options(function: _Function) -> _Function:
         click.option("-j", "--jobs", type=click.IntRange(1), metavar="N", help="Processes.  [default: all cores]"),
         click.option(
             "--timeout",
-            type=click.FloatRange(0.0, min_open=True),
+            # Longer ones are more than the system's clocks can wait.
+            type=click.FloatRange(0.0, 1e9, min_open=True),
             metavar="SECONDS",
             help="Time that a cloud may take.",
         ),
@@ -116,6 +118,8 @@ class Workers:
         from dlogen.batch.worker import can_limit_memory
         from dlogen.errors import UsageError
 
+        if self.timeout is not None and math.isnan(self.timeout):
+            raise UsageError("--timeout nan is not a time", "give it in seconds, such as 60")
         if self._cluster:
             if self.scheduler is not None and self.scheduler_file is not None:
                 raise UsageError("--scheduler and --scheduler-file contradict each other", "keep one of them")

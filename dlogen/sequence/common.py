@@ -187,7 +187,7 @@ def _by_motion(shape: Shape, times: Array, radius: float) -> tuple[BoolArray, li
     compared[reverse] = compared[reverse][:, ::-1]
     off, allowed = misfits(compared, times, kept, radius)
     asides = [
-        Aside("motion", f"{1e3 * far:.3g} mm from where its neighbours in time say (allowed {1e3 * most:.2g})")
+        Aside("motion", f"{1e3 * far:.1f} mm from where its neighbours in time say (allowed {1e3 * most:.1f})")
         if far > most
         else None
         for far, most in zip(off, allowed, strict=True)

@@ -112,13 +112,13 @@ def set_aside(observed: Observed, sizes: Sizes) -> Aside | None:
         if abs(value - size.value) > size.allowed:
             return Aside(
                 code,
-                f"{1e3 * value:.4g} mm {what}, the recording {1e3 * size.value:.4g} "
-                f"(allowed +-{1e3 * size.allowed:.2g})",
+                f"{1e3 * value:.1f} mm {what}, the recording {1e3 * size.value:.1f} "
+                f"(allowed +-{1e3 * size.allowed:.1f})",
             )
     if observed.residual > sizes.residual.value + sizes.residual.allowed:
         return Aside(
             "noise",
-            f"its points scatter by {1e3 * observed.residual:.2g} mm, in the recording by "
-            f"{1e3 * sizes.residual.value:.2g} (allowed {1e3 * (sizes.residual.value + sizes.residual.allowed):.2g})",
+            f"its points scatter by {1e3 * observed.residual:.2f} mm, in the recording by "
+            f"{1e3 * sizes.residual.value:.2f} (allowed {1e3 * (sizes.residual.value + sizes.residual.allowed):.2f})",
         )
     return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,7 +12,14 @@ from dlogen.commands._options import config_options, format_option
 from dlogen.console import Console, print_json
 
 if TYPE_CHECKING:
-    from dlogen.model import Result
+    from collections.abc import Iterator
+
+    from dlogen.curves import Curve
+    from dlogen.model import Finding, Result
+
+#: Places of findings that a line of text names.
+_PLACES = 8
+_SEVERITIES = ("note", "doubtful", "bad")
 
 _EXAMPLES = """Examples:
 
@@ -61,7 +68,7 @@ def command(
     Writes NAME.urdf, NAME.json (the kinematic chain) and NAME.report.json (the errors), all in metres.
     """
     from dlogen.config import load_config
-    from dlogen.errors import DlogenError, FitError
+    from dlogen.errors import DlogenError, FitError, UsageError
     from dlogen.files import refuse_existing, write_all
     from dlogen.outputs import Outputs
 
@@ -72,33 +79,41 @@ def command(
     out = Path(folder)
     # Refuse before the work, not after it.
     refuse_existing([out / name for name in outputs.files(stem)], force)
+    if cloud == "-" and (reference or "").partition("#")[0] == "-":
+        raise UsageError("the cloud and the reference cannot both be read from stdin", "give one of them as a file")
 
     from dlogen.clouds import read_cloud
     from dlogen.pipeline import fit
     from dlogen.report import report_dict
 
     with console.status(f"fitting {stem}"):
+        known = _load(reference) if reference else None
         data = read_cloud(cloud)
         try:
             result = fit(data, config, name=stem)
         except DlogenError as error:
             error.path = error.path or cloud
             raise
-        compared = _against(reference, result, config.mdtw.samples) if reference else None
+        compared = _against(known, result, config.mdtw.samples) if known else None
     report = report_dict(result, compared)
     contents = {out / name: data for name, data in outputs.contents(result, stem, report).items()}
     written = list(contents)
+    dumps: dict[Path, bytes] = {}
     if dump_folder is not None:
         from dlogen.dump import dump_files
 
         dumps = {Path(dump_folder) / f"{stem}.{name}": data for name, data in dump_files(result).items()}
         refuse_existing(list(dumps), force)
-        contents.update(dumps)
-    write_all(contents)
+    write_all({**contents, **dumps})
 
     _tell(result, console)
+    if compared is not None:
+        mean, largest = (1e3 * float(compared[key]) for key in ("mean", "max"))
+        console.info(f"against {reference}: mean {mean:.3f} mm, max {largest:.3f} mm")
     # Of a folder its name.
     console.info("wrote " + ", ".join(dict.fromkeys(str(out / path.relative_to(out).parts[0]) for path in written)))
+    if dumps:
+        console.info(f"wrote into {dump_folder}: " + ", ".join(path.name for path in dumps))
     if as_json:
         print_json(report)
     if strict and result.quality.verdict != "good":
@@ -107,13 +122,19 @@ def command(
         )
 
 
-def _against(reference: str, result: Result, samples: int) -> dict[str, object]:
+def _load(reference: str) -> Curve:
+    from dlogen.curves import load_curve
+
+    return load_curve(reference)
+
+
+def _against(known: Curve, result: Result, samples: int) -> dict[str, Any]:
     """The skeleton line against a known curve."""
     from dlogen.arclength import even_parameters
-    from dlogen.curves import compare, load_curve
+    from dlogen.curves import compare
 
     line = result.skeleton(even_parameters(result.skeleton, samples))
-    return compare(load_curve(reference).points, line, samples=samples)
+    return compare(known.points, line, samples=samples)
 
 
 def _tell(result: Result, console: Console) -> None:
@@ -127,10 +148,7 @@ def _tell(result: Result, console: Console) -> None:
         f"{result.name}: {result.skeleton.length:.4f} m long, radius {1e3 * chain.radius:.2f} mm; {segments}; "
         f"deviation {1e3 * result.max_deviation:.2f} mm (allowed {1e3 * result.e_max:.2f}); {result.quality.verdict}"
     )
-    for finding in result.quality.findings:
-        place = f" (at s = {finding.s:.3f})" if finding.s is not None else ""
-        text = f"{finding.message}{place} [{finding.code}]"
-        quiet = finding.severity == "note" and finding.code != "settings-not-used"
+    for text, quiet in _lines(result.quality.findings):
         console.detail(text) if quiet else console.warning(text)
     for made in (result.segmentation, *result.segmentation.alternatives):
         console.detail(
@@ -142,3 +160,25 @@ def _tell(result: Result, console: Console) -> None:
         console.detail(f"  {fewer.count} segments: deviation {1e3 * fewer.deviation:.2f} mm at least")
     for stage, seconds in result.timings.items():
         console.detail(f"  {stage:<14}{1e3 * seconds:8.1f} ms")
+
+
+def _place(finding: Finding) -> str:
+    """Where a finding is: on the line, or beside it in metres."""
+    if finding.s is not None:
+        return f"s = {finding.s:.3f}"
+    return "" if finding.position is None else "({:.3f}, {:.3f}, {:.3f})".format(*finding.position)
+
+
+def _lines(findings: tuple[Finding, ...]) -> Iterator[tuple[str, bool]]:
+    """Findings as text, those of a kind in one line with the worst one's message, and whether they are mere notes."""
+    kinds: dict[tuple[str, bool], list[Finding]] = {}
+    for finding in findings:
+        quiet = finding.severity == "note" and finding.code != "settings-not-used"
+        kinds.setdefault((finding.code, quiet), []).append(finding)
+    for (code, quiet), alike in kinds.items():
+        first = max(alike, key=lambda finding: _SEVERITIES.index(finding.severity))
+        count = f"{len(alike)} times: " if len(alike) > 1 else ""
+        places = [place for place in map(_place, alike) if place]
+        more = f" and {len(places) - _PLACES} more places" if len(places) > _PLACES else ""
+        where = f" (at {', '.join(places[:_PLACES])}{more})" if places else ""
+        yield f"{count}{first.message}{where} [{code}]", quiet

@@ -101,16 +101,52 @@ def test_reference_measures_against_a_known_line(cloud: Path, tmp_path: Path) ->
     assert 0.0 < reference["mean"] < 1.25 * 2.42e-3
 
 
+def test_the_comparison_with_a_reference_is_a_line_on_stderr(cloud: Path, tmp_path: Path) -> None:
+    np.savetxt(tmp_path / "line.csv", LINE.points(2000), delimiter=",")
+    result = run(cloud, "-o", tmp_path, "--reference", tmp_path / "line.csv")
+    line = next(line for line in result.stderr.splitlines() if line.startswith("against"))
+    reference = json.loads((tmp_path / "cloud.report.json").read_text())["reference"]
+    assert f"mean {1e3 * reference['mean']:.3f} mm" in line and f"max {1e3 * reference['max']:.3f} mm" in line
+
+
+def test_a_reference_is_read_before_the_fit(cloud: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dlogen.pipeline.fit", lambda *_, **__: pytest.fail("fitted first"))
+    (tmp_path / "line.csv").write_text("no curve")
+    result = run(cloud, "-o", tmp_path, "--reference", tmp_path / "line.csv")
+    assert result.exit_code == 2, result.stderr
+    assert "line.csv" in result.stderr
+    twice = run("-", "-o", tmp_path, "--reference", "-", stdin=cloud.read_bytes())
+    assert twice.exit_code == 2
+    assert "both" in twice.stderr and "hint:" in twice.stderr
+
+
+def test_findings_of_a_kind_are_one_line(tmp_path: Path) -> None:
+    tube = sample_tube(centre_line("straight"), 0.02, 2000, np.random.default_rng(3)).points
+    others = [tube[tube[:, 1] < tube[:, 1].min() + 0.5] + [0.4 + 0.3 * i, 0.0, 0.2] for i in range(12)]
+    write_cloud(tmp_path / "scene.ply", np.vstack([tube, *others]))
+    result = run(tmp_path / "scene.ply", "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.stderr
+    lines = [line for line in result.stderr.splitlines() if line.endswith("[several-objects]")]
+    assert len(lines) == 1
+    assert lines[0].startswith("warning: 12 times: another object is in the cloud")
+    assert lines[0].count("(") == 9 and "and 4 more places" in lines[0]
+    found = json.loads((tmp_path / "out" / "scene.report.json").read_text())["quality"]["findings"]
+    assert [finding["code"] for finding in found].count("several-objects") == 12
+
+
 @pytest.mark.parametrize(
     ("profile", "stages"),
     [("paper", ["normals", "projected", "sorted", "unreached"]), ("refined", ["ordering", "tube", "off_tube"])],
 )
 def test_dump_writes_the_stages_in_order(cloud: Path, tmp_path: Path, profile: str, stages: list[str]) -> None:
     arguments = ["-o", tmp_path / "out", "--dump", tmp_path / "stages", "--profile", profile]
-    assert run(cloud, *arguments).exit_code == 0
+    result = run(cloud, *arguments)
+    assert result.exit_code == 0
     made = [*(f"{name}.ply" for name in stages), "skeleton.csv", "joints.csv", "chain.csv", "mdtw.csv"]
     expected = {f"cloud.{i + 1}_{name}" for i, name in enumerate(made)}
     assert {path.name for path in (tmp_path / "stages").iterdir()} == expected
+    told = result.stderr.splitlines()[-1]
+    assert str(tmp_path / "stages") in told and all(name in told for name in expected)
 
 
 def test_flag_beats_set_beats_file(cloud: Path, tmp_path: Path) -> None:

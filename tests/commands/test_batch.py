@@ -550,6 +550,21 @@ def test_nobody_reads_its_lines_any_more(captures: Path, tmp_path: Path) -> None
     assert run(captures, "in", "-o", out).returncode == 0
 
 
+def test_standard_streams_that_lead_nowhere(captures: Path, tmp_path: Path) -> None:
+    def said(streams: str) -> tuple[int, str, dict[str, str]]:
+        command = [*DLOGEN, "batch", "in/c0.ply", "in/c2.ply", "-o", tmp_path / streams, "--json", *QUICK]
+        shell = ["bash", "-c", f'"$0" "$@" {streams.replace("_", "/")}', *map(str, command)]
+        result = subprocess.run(shell, cwd=captures, capture_output=True, text=True, timeout=PATIENCE)
+        return result.returncode, result.stderr, status(tmp_path / streams)
+
+    done = {"in/c0": "done", "in/c2": "done"}
+    assert said("<&- >&- 2>&-") == (0, "", done)
+    code, err, _ = said(">_dev_full")
+    assert code == 1
+    assert "error: cannot print: No space left on device; 1 of 2 clouds are done and recorded\nhint: " in err
+    assert "Traceback" not in err
+
+
 def test_a_second_run_on_the_same_folder_says_so(captures: Path, undisturbed: dict[str, bytes]) -> None:
     out = captures / "twice"
     with running(captures, "in", "-o", "twice", "-j", 1) as first:
@@ -825,7 +840,8 @@ def test_quiet_and_verbose(captures: Path, tmp_path: Path) -> None:
         (["in", "-o", "out", "-c", "missing.yaml"], "missing.yaml"),
         (["in", "-o", "out", "--memory", "much"], "much"),
         (["in", "-o", "out", "--jobs", "0"], "0"),
-        (["in", "-o", "out", "--timeout", "0"], "0"),
+        (["in", "-o", "out", "--timeout", "inf"], "inf"),
+        (["in", "-o", "out", "--timeout", "nan"], "nan"),
         (["in"], "-o"),
     ],
 )

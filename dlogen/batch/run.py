@@ -39,6 +39,24 @@ class Settings:
     ship: bool = False
 
 
+class Kept:
+    """The records of clouds that need not be done again, read as they are asked for.
+
+    Args:
+        ledger: that they are in.
+        keys: of the clouds.
+    """
+
+    def __init__(self, ledger: Ledger, keys: frozenset[str]) -> None:
+        self._ledger, self._keys = ledger, keys
+
+    def __len__(self) -> int:
+        return len(self._keys)
+
+    def __iter__(self) -> Iterator[Row]:
+        return (row for row in self._ledger.rows() if row.key in self._keys) if self._keys else iter(())
+
+
 class Batch:
     """Clouds, with the folder for their results.
 
@@ -59,18 +77,28 @@ class Batch:
     ) -> None:
         self.folder, self.plan, self.ledger = folder, plan, ledger
         self.settings = settings or Settings()
-        before = {row.key: row for row in ledger.rows()}
-        #: Key -> formats of which there are files that batches made.
-        self._made = {key: row.formats for key, row in before.items() if row.formats}
-        self._remove_unfinished(items, before)
-        self.kept: list[Row] = []
-        self.todo: list[Item] = []
-        for item in items:
-            row = before.get(shown(item.key))
-            if row is not None and self._is_up_to_date(item, row):
-                self.kept.append(row)
-            else:
-                self.todo.append(item)
+        #: Key -> formats of which there are files that batches made; of the clouds that are to be done.
+        self._made: dict[str, str] = {}
+        # There may be a million records: one is looked at after the other.
+        place = {shown(item.key): k for k, item in enumerate(items)}
+        keep = bytearray(len(items))
+        unfinished: dict[str, str] = {}
+        touched: list[Row] = []
+        for row in ledger.rows():
+            if row.status == "running":
+                unfinished[row.key] = row.formats
+            k = place.get(row.key)
+            if k is None:
+                continue
+            if self._is_up_to_date(items[k], row, touched):
+                keep[k] = True
+            elif row.formats:
+                self._made[row.key] = row.formats
+        for row in touched:
+            ledger.write(row)
+        self._remove_unfinished(items, unfinished)
+        self.kept = Kept(ledger, frozenset(key for key, k in place.items() if keep[k]))
+        self.todo = [item for item, kept in zip(items, keep, strict=True) if not kept]
 
     def run(self, pool: Pool) -> Generator[Row, None, None]:
         """Do what has to be done.
@@ -168,9 +196,13 @@ class Batch:
         self.ledger.write(row)
         return row
 
-    def _remove_unfinished(self, items: Sequence[Item], rows: dict[str, Row]) -> None:
-        """Temporary files of a run that was killed, beside the summary and the results that were under way."""
-        unfinished = {row.key: row.formats for row in rows.values() if row.status == "running"}
+    def _remove_unfinished(self, items: Sequence[Item], unfinished: dict[str, str]) -> None:
+        """Temporary files of a run that was killed, beside the summary and the results that were under way.
+
+        Args:
+            items: the clouds.
+            unfinished: key -> formats of what was under way.
+        """
         remove_temporaries(self.folder, "", self.plan.outputs)
         # What is not Unicode has another name in the records.
         odd = {item.key: shown(item.key) for item in items if shown(item.key) in unfinished} if unfinished else {}
@@ -186,8 +218,8 @@ class Batch:
         wanted = paths_of(self.folder, key, self.plan.outputs)
         return next((path for path in wanted if path not in ours and os.path.lexists(path)), None)
 
-    def _is_up_to_date(self, item: Item, row: Row) -> bool:
-        """Whether nothing has changed since that record was made."""
+    def _is_up_to_date(self, item: Item, row: Row, touched: list[Row]) -> bool:
+        """Whether nothing has changed since that record was made. One with a new time only goes into `touched`."""
         if self.settings.force or row.status == "running":
             return False
         if row.status == "failed" and (self.settings.retry or row.code in _OF_THE_MACHINE or row.code == "output"):
@@ -200,13 +232,13 @@ class Batch:
             if row.sha256 is None or _sha256(item.cloud) != row.sha256:
                 return False
             row.modified_ns = now.modified_ns
-            self.ledger.write(row)
+            touched.append(row)
         return row.status == "failed" or all(map(os.path.lexists, paths_of(self.folder, item.key, self.plan.outputs)))
 
 
 def shown(text: str) -> str:
     """A file name as Unicode: names need not be, the records are."""
-    return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+    return text if text.isascii() else text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 def _remove(paths: list[Path]) -> None:

@@ -142,7 +142,9 @@ def _search(line: Skeleton, e_max: float, min_last: float, *, minimax: bool) -> 
         off = minimax_joints(table, aim, on_curve.count)
         joints = off.joints or on_curve.joints
         n = len(joints.s) - 1
-        fewer = FewerSegments(n - 1, off.tried[n - 1], None, None) if n - 1 in off.tried else None
+        # Of chains with one segment less it may have found none with equal segments: nothing can be said of them.
+        least = off.tried.get(n - 1, math.inf)
+        fewer = FewerSegments(n - 1, least, None, None) if math.isfinite(least) else None
         found.append(_measured(line, "fewest", "minimax", joints, fewer))
     return found
 

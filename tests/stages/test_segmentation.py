@@ -116,6 +116,13 @@ def test_one_segment_less_is_too_far_off(two_hundred) -> None:
         assert deviation(line, joints)[0] == pytest.approx(fewest.fewer.deviation, rel=1e-3)
 
 
+def test_what_fewer_segments_would_deviate_by_is_a_number(two_hundred) -> None:
+    # The search with joints beside the line can find no chain at all with one segment less.
+    for _, _, made in two_hundred:
+        for item in made.values():
+            assert item.fewer is None or math.isfinite(item.fewer.deviation)
+
+
 def test_the_last_segment_is_no_stub_where_there_is_a_choice(two_hundred) -> None:
     shares = np.array(
         [

@@ -141,7 +141,7 @@ class Batch:
     def _task(self, item: Item) -> tuple[Task, Row]:
         """What the worker is told, and what the records say meanwhile."""
         text = None
-        if item.config is not None:
+        if item.config is not None and os.path.isfile(item.config):  # noqa: PTH113
             # What cannot be read fails again in the worker, as the failure of this cloud.
             with contextlib.suppress(ConfigError):
                 text = read_text(item.config)

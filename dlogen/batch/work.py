@@ -194,10 +194,7 @@ def _read(task: Task) -> Cloud:
     from dlogen.clouds import read_cloud
 
     if task.content is None:
-        # Pipes are for dlogen fit: opening one waits until somebody writes to it.
-        if os.path.exists(task.cloud) and not os.path.isfile(task.cloud):  # noqa: PTH110, PTH113
-            what = "a folder" if os.path.isdir(task.cloud) else "a pipe or a device"  # noqa: PTH112
-            raise InputError(f"it is {what}, not a file", "name the clouds in it, or copy it to a file")
+        _refuse_pipe(task.cloud, InputError)
         return read_cloud(task.cloud)
     # Readers look at sizes and seek: they want a file.
     with tempfile.TemporaryDirectory(prefix="dlogen-") as folder:
@@ -206,10 +203,19 @@ def _read(task: Task) -> Cloud:
         return read_cloud(copy)
 
 
+def _refuse_pipe(path: str, kind: type[DlogenError]) -> None:
+    """Pipes are for dlogen fit: opening one waits until somebody writes to it."""
+    if os.path.exists(path) and not os.path.isfile(path):  # noqa: PTH110, PTH113
+        what = "a folder" if os.path.isdir(path) else "a pipe or a device"  # noqa: PTH112
+        raise kind(f"it is {what}, not a file", "name a file, or copy it to one", path=path)
+
+
 def _fit(plan: Plan, task: Task, cloud: Cloud) -> tuple[Result, dict[str, bytes]]:
     from dlogen.pipeline import fit
     from dlogen.report import report_dict
 
+    if task.config is not None and task.config_text is None:
+        _refuse_pipe(task.config, ConfigError)
     config = load_config(task.config, [*task.overrides, *plan.overrides], base=plan.config, text=task.config_text)
     stem = task.key.rsplit("/", 1)[-1]
     result = fit(cloud, config, name=stem)

@@ -274,6 +274,15 @@ def test_names_are_on_record_as_unicode() -> None:
     assert shown("new\nline") == "new\nline"
 
 
+def test_configurations_that_cannot_be_read_fail_with_their_cloud(folder: Path, plan: Plan, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.yaml")
+    (tmp_path / "odd.yaml").write_bytes(b"e_max: 0.01 # \xff\n")
+    configs = [str(tmp_path / name) for name in ("pipe.yaml", "odd.yaml", "missing.yaml")]
+    items = [Item(str(folder / f"{key}.ply"), key, config) for key, config in zip("abc", configs, strict=True)]
+    assert status(run(folder, plan, items=items)) == dict.fromkeys("abc", "config")
+    assert run(folder, plan, items=items) == {}
+
+
 def test_clouds_that_go_between_listing_and_reading_fail_alone(folder: Path, plan: Plan) -> None:
     assert plan.folder is not None
     items = find_items([str(folder)], out=Path(plan.folder))

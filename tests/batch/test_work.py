@@ -68,7 +68,7 @@ def test_own_settings_win_over_common_ones_and_the_command_line_over_both(
 
 
 @pytest.mark.parametrize("kind", ["pipe", "folder", "device"])
-def test_only_files_are_read(kind: str, plan: Plan, tmp_path: Path) -> None:
+def test_only_files_are_read(kind: str, clouds: tuple[Path, ...], plan: Plan, tmp_path: Path) -> None:
     path = tmp_path / "x.ply"
     if kind == "pipe":
         # Opening it would wait until somebody writes to it.
@@ -83,6 +83,11 @@ def test_only_files_are_read(kind: str, plan: Plan, tmp_path: Path) -> None:
     assert failure.code == "input"
     assert "not a file" in failure.message
     assert failure.hint
+    # A configuration as well.
+    failure = work(plan, Task(str(clouds[0]), "x", str(path))).failure
+    assert failure is not None
+    assert failure.code == "config"
+    assert "not a file" in failure.message
 
 
 def test_failures_have_a_code_and_say_what_to_try(clouds: tuple[Path, ...], plan: Plan, tmp_path: Path) -> None:

@@ -192,6 +192,7 @@ class _Line:
 def _refined_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock: _Clock) -> _Line:
     """The skeleton line by a robust fit of the tube's surface, from an order that survives real captures."""
     # Imported here: the paper's profile need not wait for them.
+    from dlogen.stages.contacts import check_contacts
     from dlogen.stages.cut_ends import cut_ends
     from dlogen.stages.ordering import order
     from dlogen.stages.refine import refine
@@ -217,6 +218,9 @@ def _refined_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock:
     s, residual = fitted.s, fitted.residuals
     on_tube = fitted.inliers
     along = np.flatnonzero(on_tube)[np.argsort(s[on_tube], kind="stable")]
+    # The two ends of a ring overlap.
+    ring = any(item.code == "closed-ring" and item.severity == "bad" for item in ordering.findings)
+    even = skeleton(even_parameters(skeleton, round(skeleton.length / radius) + 1))
     return _Line(
         skeleton,
         radius,
@@ -230,6 +234,7 @@ def _refined_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock:
         (
             *([_not_used(unused)] if unused else []),
             *_findings_of_refined(ordering, fitted),
+            *([] if ring else check_contacts(even, ordering.backbone, radius)),
             *cut_ends(points, s, on_tube, skeleton, radius),
             *check_followed(points, ordering.backbone, residual + radius, radius),
             *check_radius_along(skeleton, radius, s, residual + radius),

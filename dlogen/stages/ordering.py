@@ -51,10 +51,6 @@ _DENSE = 0.5
 _SMALL_GAP, _LARGE_GAP = 0.05, 0.3
 #: The most points that are taken for beads on a string.
 _BEADS = 200
-#: Axes that come nearer to each other than this, in radii, belong to strands that merge.
-_MERGED = 1.0
-#: Strands that touch for longer than this, in radii, run side by side.
-_SIDE_BY_SIDE = 10.0
 
 
 @dataclass(frozen=True)
@@ -105,7 +101,8 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
 
     Returns:
         The backbone with findings: "branch", "closed-ring", "several-objects", "not-a-line" (all bad), "gap",
-        "crossing", "side-by-side", "stray-points", "too-few-points".
+        "crossing" (where which strands belong together is not certain; others are looked for when the line is fitted,
+        see `dlogen.stages.contacts`), "side-by-side", "stray-points", "too-few-points".
 
     Raises:
         FitError: nothing in the cloud is longer than wide.
@@ -165,9 +162,6 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
     ]
     bridges = _bridges(line, sample, tree, r)
     findings += _about_bridges(bridges, line, r, origin)
-    if not any(item.code == "closed-ring" and item.severity == "bad" for item in findings):
-        # The two ends of a ring overlap.
-        findings += _about_crossings(line, r, origin)
     return Ordering(
         backbone=line.points + origin,
         radius=r,
@@ -387,34 +381,3 @@ def _gap_finding(gap: float, share: float, s: float, place: tuple[float, float, 
     if share > _LARGE_GAP:
         return Finding("gap", f"{message}, but these may be two objects", "bad", s, place)
     return Finding("gap", message, "note" if share < _SMALL_GAP and cost < 0.6 else "doubtful", s, place)
-
-
-def _about_crossings(line: _Line, r: float, origin: Array) -> list[Finding]:
-    """Places where the line comes within touch of itself."""
-    s = arc_lengths(line.points)
-    pairs = cKDTree(line.points).query_pairs(2.7 * r, output_type="ndarray")
-    pairs = pairs[np.abs(s[pairs[:, 1]] - s[pairs[:, 0]]) > 7.0 * r]
-    if len(pairs) == 0:
-        return []
-    pairs = np.sort(pairs, axis=1)
-    pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-    findings = []
-    jumps = np.flatnonzero(np.diff(pairs[:, 0]) > 3) + 1
-    for group in np.split(pairs, jumps):
-        middle = 0.5 * (line.points[group[:, 0]] + line.points[group[:, 1]])
-        place = _place(middle.mean(axis=0) + origin)
-        at = float(s[group[:, 0]].mean() / s[-1])
-        run = float(s[group[:, 0].max()] - s[group[:, 0].min()])
-        strands = [line.points[max(side.min() - 1, 0) : side.max() + 2] for side in group.T]
-        fine = [resample(strand, 8 * len(strand)) for strand in strands]
-        if float(cKDTree(fine[0]).query(fine[1])[0].min()) < _MERGED * r:
-            # Tubes that touch have their axes two radii apart.
-            message = "strands run into one another: the object branches here, or is badly resolved"
-            findings.append(Finding("branch", message, "bad", at, place))
-            continue
-        if run > _SIDE_BY_SIDE * r:
-            message = f"two strands run side by side for {_millimetres(run)}: they may have been mixed up"
-            findings.append(Finding("side-by-side", message, "doubtful", at, place))
-        else:
-            findings.append(Finding("crossing", "the object crosses or touches itself", "note", at, place))
-    return findings

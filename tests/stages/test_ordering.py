@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dlogen.errors import FitError
+from dlogen.stages.contacts import check_contacts, find_contacts
 from dlogen.stages.ordering import order
 from dlogen.synthetic import (
     CentreLine,
@@ -140,11 +141,10 @@ def test_loop_that_crosses_itself(separation, side):
     found = order(cloud.points)
     _assert_right(found, cloud)
     assert _codes(found, "doubtful", "bad") == []
-    if separation < 0.03:
-        assert _codes(found) == ["crossing"]
-        np.testing.assert_allclose(
-            found.findings[0].position, [0.0, cloud.truth.points(9)[:, 1].max() / 2, 0], atol=0.2
-        )
+    contacts = find_contacts(found.backbone, found.radius)
+    assert len(contacts) == (1 if separation < 0.03 else 0)
+    for contact in contacts:
+        np.testing.assert_allclose(contact.position, [0.0, cloud.truth.points(9)[:, 1].max() / 2, 0], atol=0.2)
 
 
 @pytest.mark.parametrize("angle", [90, 50, 30, 20])
@@ -158,9 +158,10 @@ def test_touching_strands_at_any_angle(angle, side):
 
 def test_strands_that_run_side_by_side_are_not_called_good():
     cloud = sample_tube(coil_centre_line(1.4, 0.0252), 0.012, 5000, 39, noise=0.0005)
-    assert _codes(order(cloud.points), "doubtful", "bad")
-    known = order(cloud.points, 0.012)
-    assert "side-by-side" in _codes(known, "doubtful") or _codes(known, "bad")
+    for found in (order(cloud.points), order(cloud.points, 0.012)):
+        contacts = check_contacts(found.backbone, found.backbone, found.radius)
+        touching = {item.code for item in contacts if item.severity != "note"}
+        assert _codes(found, "bad") or touching & {"side-by-side", "branch"}
 
 
 class TestSameForEveryOrder:

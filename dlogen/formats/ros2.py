@@ -6,6 +6,7 @@ ros2 launch cloud_description display.launch.py
 
 from __future__ import annotations
 
+import hashlib
 import re
 import unicodedata
 from typing import TYPE_CHECKING
@@ -17,16 +18,24 @@ if TYPE_CHECKING:
     from dlogen.model import Chain, Result
     from dlogen.multibody import MultibodyModel
 
+#: Categories of Unicode that names differ by: letters, numbers, symbols, and what is no character at all.
+_TELLING = "LNSC"
+
 
 def package_name(stem: str) -> str:
     """The package's name for a stem of file names, by the rules of REP 144.
 
     Small letters, digits and single underscores, a letter first; what else there is in the stem becomes underscores.
+    Letters without a Latin counterpart are lost: there eight digits of a hash of the stem keep names apart.
     """
-    plain = unicodedata.normalize("NFKD", stem.casefold()).encode("ascii", "ignore").decode()
-    name = re.sub(r"[^a-z0-9]+", "_", plain).strip("_")
+    plain = unicodedata.normalize("NFKD", stem.casefold())
+    name = re.sub(r"[^a-z0-9]+", "_", plain.encode("ascii", "ignore").decode()).strip("_")
     if not name or not name[0].isalpha():
         name = f"dlo_{name}".strip("_")
+    if any(not sign.isascii() and unicodedata.category(sign)[0] in _TELLING for sign in plain):
+        # Composed or not, as file systems have it, a name is the same; undecodable bytes are lone surrogates.
+        whole = unicodedata.normalize("NFC", stem).encode("utf-8", "surrogatepass")
+        name = f"{name}_{hashlib.sha256(whole).hexdigest()[:8]}"
     return f"{name.removesuffix('_description')}_description"
 
 

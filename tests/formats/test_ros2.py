@@ -66,7 +66,9 @@ def test_the_files_are_those_that_are_announced(make_package) -> None:
         ("Scan 07", "scan_07"),
         ("2nd-scan", "dlo_2nd_scan"),
         ("größe", "grosse"),
-        ("線", "dlo"),
+        ("scan – 07", "scan_07"),
+        ("線", "dlo_d36cefb1"),
+        ("hose 線", "hose_d55bfbfb"),
         ("__x__y__", "x_y"),
         ("hose_description", "hose"),
         ("_description", "description"),
@@ -75,6 +77,13 @@ def test_the_files_are_those_that_are_announced(make_package) -> None:
 )
 def test_package_names(stem: str, name: str) -> None:
     assert package_name(stem) == f"{name}_description"
+
+
+def test_names_whose_letters_are_lost_stay_apart() -> None:
+    stems = ["кабель", "шланг", "电缆", "軟管", "κάλως", "🐍", "🐢", "hose 1 線", "hose 1 管", "cable_\udcff", "cable"]
+    assert len({package_name(stem) for stem in stems}) == len(stems)
+    assert all(REP_144.fullmatch(package_name(stem)) for stem in stems)
+    assert package_name("が") == package_name("か\u3099")
 
 
 @given(st.text(max_size=30))

@@ -61,15 +61,11 @@ def write_with(writers: Mapping[Path, Callable[[Path], None]]) -> None:
             if target.is_dir():
                 raise UsageError("it is a folder", "choose another folder with -o, or rename it", path=target)
         for target, writer in writers.items():
-            made += _make_folder(target.parent)
-            handle, name = tempfile.mkstemp(
-                prefix=temporary_prefix(os.getpid()), suffix=target.suffix, dir=target.parent
-            )
-            os.close(handle)
-            staged.append((Path(name), target))
-            writer(Path(name))
+            temporary = _temporary(target, made)
+            staged.append((temporary, target))
+            writer(temporary)
             # mkstemp makes private files; give outputs the mode that an ordinary open() would.
-            Path(name).chmod(0o666 & ~_umask())
+            temporary.chmod(0o666 & ~_umask())
         while staged:
             temporary, target = staged[0]
             temporary.replace(target)
@@ -91,6 +87,24 @@ def write_with(writers: Mapping[Path, Callable[[Path], None]]) -> None:
         for folder in reversed(made):
             with contextlib.suppress(OSError):  # somebody else has put something there meanwhile
                 folder.rmdir()
+
+
+def _temporary(target: Path, made: list[Path]) -> Path:
+    """Make an empty file beside the target; folders that had to be made for it are added to the list."""
+    for attempts_left in (2, 1, 0):
+        try:
+            made += _make_folder(target.parent)
+            handle, name = tempfile.mkstemp(
+                prefix=temporary_prefix(os.getpid()), suffix=target.suffix, dir=target.parent
+            )
+        except FileNotFoundError:
+            # Another process that could not write there has just removed the folder, which it had made.
+            if not attempts_left:
+                raise
+        else:
+            os.close(handle)
+            return Path(name)
+    raise AssertionError
 
 
 def _make_folder(folder: Path) -> list[Path]:

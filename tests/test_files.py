@@ -2,8 +2,10 @@ from __future__ import annotations
 
 import os
 import stat
+import tempfile
 import threading
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -180,3 +182,19 @@ def test_a_link_that_leads_nowhere_exists(tmp_path) -> None:
     link.symlink_to(tmp_path / "gone")
     with pytest.raises(UsageError, match="output exists"):
         refuse_existing([link], force=False)
+
+
+def test_a_folder_that_another_process_removes_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # It had made it, could not write there, and tidied up: between our look at the folder and our file in it.
+    make, removed = tempfile.mkstemp, []
+
+    def mkstemp(*arguments: Any, **options: Any) -> tuple[int, str]:
+        if not removed:
+            (tmp_path / "a").rmdir()
+            removed.append("a")
+        return make(*arguments, **options)
+
+    monkeypatch.setattr(tempfile, "mkstemp", mkstemp)
+    write_all({tmp_path / "a" / "x": b"1", tmp_path / "a" / "y": b"2"})
+    assert removed
+    assert {path.name: path.read_bytes() for path in (tmp_path / "a").iterdir()} == {"x": b"1", "y": b"2"}

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from dlogen.console import dump_json
+from dlogen.errors import UsageError
 from dlogen.formats import model_format, model_formats
 
 if TYPE_CHECKING:
@@ -38,9 +39,16 @@ class Outputs:
 
     @classmethod
     def parse(cls, formats: str, plot: bool = False) -> Outputs:
-        """From names with commas between them, or `all`."""
-        names = [item.name for item in model_formats()] if formats == "all" else formats.split(",")
-        return cls(tuple(dict.fromkeys(name.strip() for name in names if name.strip())), plot)
+        """From names with commas between them, or `all`.
+
+        Raises:
+            UsageError: there is no such format, or none is named.
+        """
+        known = [item.name for item in model_formats()]
+        names = known if formats == "all" else [name.strip() for name in formats.split(",") if name.strip()]
+        if not names:
+            raise UsageError("no model format is named", f"known: {', '.join(known)}")
+        return cls(tuple(dict.fromkeys(names)), plot)
 
     @classmethod
     def of(cls, names: Iterable[str]) -> Outputs:

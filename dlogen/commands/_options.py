@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import wraps
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -150,7 +151,7 @@ class Workers:
             return DaskPool(plan, address, clouds, timeout=self.timeout, memory=self.memory, say=console.info)
         from dlogen.batch.pool import LocalPool
 
-        return LocalPool(plan, min(self.jobs or _cores(), clouds), timeout=self.timeout, memory=self.memory)
+        return LocalPool(plan, min(self.jobs or cores(), clouds), timeout=self.timeout, memory=self.memory)
 
     @property
     def _cluster(self) -> bool:
@@ -179,6 +180,15 @@ def _with(function: _Function, *options: Callable[[_Function], _Function]) -> _F
     return function
 
 
-def _cores() -> int:
-    """Those that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+def cores(limits: Path = Path("/sys/fs/cgroup/cpu.max")) -> int:
+    """Those that this process may use: by affinity, and by the share of time that its container has.
+
+    Args:
+        limits: where Linux says what a container has (control groups, version 2).
+    """
+    count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    try:
+        quota, period = limits.read_text(encoding="ascii").split()
+        return min(count, max(1, round(int(quota) / int(period))))
+    except (OSError, ValueError, ZeroDivisionError):  # no limit: the quota is "max"
+        return count

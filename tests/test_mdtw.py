@@ -94,6 +94,68 @@ def test_against_similaritymeasures_at_full_size(h: int, g: int) -> None:
     assert np.cumsum(result.error) == pytest.approx(cumulative[i, j], abs=1e-9)
 
 
+def path_by_the_full_matrix(v: np.ndarray, q: np.ndarray) -> list[list[int]]:
+    squares = sum((v[:, None, c] - q[None, :, c]) ** 2 for c in range(v.shape[1]))
+    distance, sums = np.sqrt(squares).tolist(), {(-1, -1): 0.0}
+
+    def before(i: int, j: int) -> tuple[float, int, int]:
+        # In the order of the tie rule; of equally small ones min() takes the first.
+        steps = ((i - 1, j - 1), (i - 1, j), (i, j - 1))
+        return min(((sums.get(pair, math.inf), *pair) for pair in steps), key=lambda step: step[0])
+
+    for i in range(len(v)):
+        for j in range(len(q)):
+            sums[i, j] = before(i, j)[0] + distance[i][j]
+    path = [[len(v) - 1, len(q) - 1]]
+    while path[-1] != [0, 0]:
+        path.append(list(before(*path[-1])[1:]))
+    return path[::-1]
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.data(), st.integers(72, 110), st.integers(72, 110), st.integers(0, 10**6))
+def test_the_band_holds_the_path_of_the_full_matrix(data: st.DataObject, h: int, g: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    walk = rng.normal(size=(h, 3)).cumsum(axis=0)
+    at = np.linspace(0, 1, g) ** data.draw(st.floats(0.5, 2))
+    other = np.stack([np.interp(at, np.linspace(0, 1, h), column) for column in walk.T], axis=1)
+    other += data.draw(st.sampled_from([0.0, 1e-9, 0.1, 1.0, 10.0])) * rng.normal(size=other.shape)
+    if data.draw(st.booleans()):
+        walk, other = np.round(walk), np.round(other)  # many paths are equally short
+    assert mdtw(walk, other).path.tolist() == path_by_the_full_matrix(walk, other)
+
+
+whole = st.integers(0, 2).map(float)
+
+
+@pytest.mark.parametrize(("first", "wider", "at_once"), [(1, 2, 1), (1, 3, 7), (2, 3, 100)])
+def test_narrow_bands_are_widened_until_they_hold_the_path(
+    monkeypatch: pytest.MonkeyPatch, first: int, wider: int, at_once: int
+) -> None:
+    module = sys.modules["dlogen.mdtw"]
+    monkeypatch.setattr(module, "_FIRST_BAND", first)
+    monkeypatch.setattr(module, "_WIDER", wider)
+    monkeypatch.setattr(module, "_AT_ONCE", at_once)
+    lengths = st.tuples(st.integers(1, 14), st.integers(1, 14))
+
+    @settings(deadline=None)
+    @given(lengths.flatmap(lambda n: st.tuples(*(hnp.arrays(float, (k, 1), elements=whole) for k in n))))
+    def same(pair: tuple[np.ndarray, np.ndarray]) -> None:
+        assert mdtw(*pair).path.tolist() == path_by_the_full_matrix(*pair)
+
+    same()
+
+
+def test_the_edge_of_the_band_shows_what_is_beyond_it() -> None:
+    # Far from the diagonal there is a path that costs nothing: half of one curve is a pause of the other.
+    s = np.linspace(0, 1, 300)
+    early, late = np.append(np.zeros(300), s), np.append(s, np.ones(300))
+    v, q = np.c_[early, 0 * early, 0 * early], np.c_[late, 0 * late, 0 * late]
+    result = mdtw(v, q)
+    assert result.max == 0.0
+    assert np.abs(np.subtract(*result.path.T)).max() >= 298
+
+
 @settings(deadline=None)
 @given(curves(25), curves(25))
 def test_the_sum_is_symmetric_under_exchange(v: np.ndarray, q: np.ndarray) -> None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from dlogen.basis import CubicBSpline
 from dlogen.errors import FitError
@@ -18,7 +19,7 @@ from dlogen.model import Array, BoolArray, Finding, IntArray, Skeleton
 from dlogen.stages.ends import find_ends, find_gaps
 from dlogen.stages.scale import spatial_sample
 from dlogen.stages.tube_curve import TubeCurve, arc_at, arc_table, from_polyline, reparametrised
-from dlogen.stages.tube_fit import LEAST_FLOOR, Tube, all_points, gauss_newton
+from dlogen.stages.tube_fit import LEAST_FLOOR, Tube, all_points, expected_distance, gauss_newton
 
 #: Knot spacing over the radius, while the points near the curve are looked for and in the end. A cubic spline with
 #: knots 1.25 radii apart follows a bend of 3 radii to about 1e-3 radii.
@@ -58,6 +59,12 @@ _CURVATURES = 6
 
 #: Deviation of the output's parameter from arc length, relative to the length.
 _UNEVEN = 5e-5
+
+#: An end is so many radii long where it is compared with other strands; those are this far from it along the curve.
+_END, _ELSEWHERE = 6.0, 12.0
+
+#: Samples of the curve that stand for it there.
+_SAMPLES_PER_RADIUS = 8.0
 
 #: Points within so many standard deviations of the surface belong to the tube; and within this share of the radius.
 _INLIER, _INLIER_FLOOR = 4.0, 0.02
@@ -132,12 +139,13 @@ def refine(points: npt.ArrayLike, backbone: npt.ArrayLike, radius: float, *, fix
     most = _some(near, _MOST_POINTS)
     fine = _some(most, _FINE_POINTS)
     rough = _rough(_columns(_some(fine, _ROUGH_POINTS)), backbone - origin, radius, fixed_radius)
-    tube = _fine(_columns(fine), rough, fixed_radius, radius)
+    tube = _apart(_columns(fine), _fine(_columns(fine), rough, fixed_radius, radius), fixed_radius)
     more = most is not fine
     steps = 2 if more and not tube.solid else 0
     tube = all_points(_columns(most), tube, free_radius=not fixed_radius, steps=steps, search=more)
     whole = tube if most is near else all_points(_columns(near), tube, free_radius=False, steps=0, search=True)
-    return _result(tube, whole, origin, fixed_radius)
+    shared = _shared_at_ends(_columns(most), tube)
+    return _result(tube, whole, shared, origin, fixed_radius)
 
 
 def _some(points: Array, count: int) -> Array:
@@ -178,6 +186,43 @@ def _fine(points: Array, tube: Tube, fixed_radius: bool, radius: float) -> Tube:
         first = gauss_newton(points, tube, free_radius=not fixed_radius, steps=1, floor=0.02, search=True)
         tube = _on_support(first, 0.7, _knot_spacing(first), _MOST_INTERVALS)
     return gauss_newton(points, tube, free_radius=not fixed_radius, steps=6, floor=LEAST_FLOOR)
+
+
+def _apart(points: Array, tube: Tube, fixed_radius: bool) -> Tube:
+    """The tube fitted again where an end touches another strand, without that strand's points: (3, M) points.
+
+    An end that is followed along another strand takes its points for its own: the curve goes on over it, or is bent
+    away from the end, whose own points are outliers then.
+    """
+    shared = np.zeros(points.shape[1], dtype=bool) if tube.solid else _shared_at_ends(points, tube)
+    if not shared.any():
+        return tube
+    free = not fixed_radius
+    own = points[:, ~shared]
+    again = replace(tube, x=tube.x[~shared], distance=tube.distance[~shared])
+    for floor, steps in ((0.1, 1), (0.02, 1), (LEAST_FLOOR, 6)):
+        again = _on_support(again, 0.7, _knot_spacing(again), _MOST_INTERVALS)
+        again = gauss_newton(own, again, free_radius=free, steps=steps, floor=floor, search=True)
+    return all_points(points, again, free_radius=free, steps=0, search=True)
+
+
+def _shared_at_ends(points: Array, tube: Tube) -> BoolArray:
+    """Which points near an end of the curve lie on the surface around another part of it, or inside: (3, M) points."""
+    curve, radius = tube.curve, tube.radius
+    grid, arc, _ = arc_table(curve)
+    count = round(_SAMPLES_PER_RADIUS * float(arc[-1]) / radius)
+    even = np.linspace(0.0, float(arc[-1]), count)
+    places = curve(np.interp(even, arc, grid))
+    s = arc_at(arc, tube.x)
+    reach = expected_distance(radius, tube.sigma) + _INLIER * max(tube.sigma, _INLIER_FLOOR / _INLIER * radius)
+    shared = np.zeros(points.shape[1], dtype=bool)
+    for at_end, away in ((s, even), (arc[-1] - s, arc[-1] - even)):
+        near = np.flatnonzero(at_end < _END * radius)
+        others = places[away > _ELSEWHERE * radius]
+        if len(others) and len(near):
+            distance = cKDTree(others).query(points[:, near].T, distance_upper_bound=reach)[0]
+            shared[near] |= np.isfinite(distance)
+    return shared
 
 
 def _knot_spacing(tube: Tube) -> float:
@@ -240,14 +285,22 @@ def _first_full(counts: IntArray) -> int:
     return 0
 
 
-def _result(tube: Tube, whole: Tube, origin: Array, fixed_radius: bool) -> Refined:
-    """What the fitted tube says, between the ends that its points show; `whole` is the same with all points."""
+def _result(tube: Tube, whole: Tube, shared: BoolArray, origin: Array, fixed_radius: bool) -> Refined:
+    """What the fitted tube says, between the ends that its points show.
+
+    Args:
+        tube: with the points of the fit.
+        whole: the same with all points.
+        shared: which points of the fit may belong to a strand that an end touches, and say nothing of the end.
+        origin: of the points, metres.
+        fixed_radius: whether the radius was given.
+    """
     curve, radius, sigma = tube.curve, tube.radius, tube.sigma
     grid, arc, _ = arc_table(curve)
     scale = max(sigma, _INLIER_FLOOR / _INLIER * radius)
     deviation = np.abs(tube.residual) / scale
     s = arc_at(arc, tube.x)
-    inside = s[(deviation < _INLIER) & tube.on_curve]
+    inside = s[(deviation < _INLIER) & tube.on_curve & ~shared]
     first, last = find_ends(inside, deviation[tube.on_curve], sigma)
     start, end = first.position, last.position
     if not end - start > 0.1 * radius:
@@ -265,7 +318,7 @@ def _result(tube: Tube, whole: Tube, origin: Array, fixed_radius: bool) -> Refin
     else:
         radius_std = sigma / float(np.sqrt(tube.solution.schur))
     known = radius_std < _RADIUS_KNOWN * radius
-    gaps = find_gaps(inside, start, end, radius)
+    gaps = find_gaps(s[(deviation < _INLIER) & tube.on_curve], start, end, radius)
 
     used = len(s)
     if whole is not tube:

@@ -204,6 +204,38 @@ def test_ends_have_an_error_as_large_as_reported():
     assert 0.5 < np.sqrt(np.mean(np.square(off))) / np.mean(std) < 1.6
 
 
+def _curl(angle, past):
+    """A strand that turns back over itself at an angle (degrees), touching, and ends `past` radii behind its axis."""
+    radius, bend = 10 * MM, 120 * MM
+    turn = np.linspace(0.0, np.pi + np.radians(angle), 500)
+    arc = bend * np.c_[np.sin(turn), 1.0 - np.cos(turn)]
+    heading = np.array([np.cos(turn[-1]), np.sin(turn[-1])])
+    tail = arc[-1] + np.linspace(0.0, past * radius - arc[-1, 1] / heading[1], 300)[1:, None] * heading
+    flat = np.concatenate([np.c_[np.linspace(-0.4, 0.0, 200), np.zeros(200)], arc[1:], tail])
+    s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(flat, axis=0), axis=1)))
+    rise = np.clip((s - 0.4) / (s[-1] - 0.5), 0.0, 1.0)
+    return synthetic.from_points(np.c_[flat, 2.1 * radius * rise**2 * (3.0 - 2.0 * rise)][::5])
+
+
+@pytest.mark.parametrize(
+    ("angle", "past", "noise", "side", "seed"),
+    [
+        (90, 0, 1.0, None, 1),
+        (90, -1, 1.0, None, 1),
+        (45, 0, 1.0, None, 2),
+        (45, -1, 0.5, [0.2, 0.1, -1.0], 1),
+        (45, 0, 0.5, [0.2, 0.1, -1.0], 2),
+        (15, 3, 0.0, None, 1),
+    ],
+)
+def test_an_end_that_touches_another_strand_is_where_it_is(angle, past, noise, side, seed):
+    line = _curl(angle, past)
+    cloud = synthetic.sample_tube(line, 10 * MM, 5000, seed, noise=noise * MM, side=side)
+    out = fit(cloud, guess=1.0)
+    ends, truth = out.skeleton([0.0, 1.0]), line([0.0, 1.0])
+    assert np.linalg.norm(ends - truth, axis=1).max() < 0.1 * cloud.radius
+
+
 def test_nothing_near_the_backbone(noisy):
     with pytest.raises(FitError, match="near the line"):
         refine(noisy.points, noisy.truth.points(50) + 10.0, noisy.radius)

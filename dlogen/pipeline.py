@@ -24,6 +24,7 @@ from dlogen.polyline import resample
 from dlogen.stages.chain import build_chain
 from dlogen.stages.checks import (
     check_bends,
+    check_cross_section,
     check_deviation,
     check_followed,
     check_line,
@@ -218,6 +219,7 @@ def _refined_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock:
     s, residual = fitted.s, fitted.residuals
     on_tube = fitted.inliers
     along = np.flatnonzero(on_tube)[np.argsort(s[on_tube], kind="stable")]
+    oval = any(item.code == "side-by-side" for item in ordering.findings)
     # The two ends of a ring overlap.
     ring = any(item.code == "closed-ring" and item.severity == "bad" for item in ordering.findings)
     even = skeleton(even_parameters(skeleton, round(skeleton.length / radius) + 1))
@@ -238,6 +240,7 @@ def _refined_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock:
             *cut_ends(points, s, on_tube, skeleton, radius),
             *check_followed(points, ordering.backbone, residual + radius, radius),
             *check_radius_along(skeleton, radius, s, residual + radius),
+            *([] if oval else check_cross_section(points, s, residual, skeleton, radius)),
             *check_bends(skeleton, radius, s[on_tube]),
             *([] if given is None else check_radius(given, estimate_scale(points))),
         ),

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dlogen.errors import FitError
-from dlogen.model import Array, BoolArray, Finding, Segmentation, Skeleton
+from dlogen.model import Array, BoolArray, Finding, IntArray, Segmentation, Skeleton
+from dlogen.stages.chain import minimal_rotation_frames
 from dlogen.stages.curvature import curvature
 from dlogen.stages.scale import Scale, spatial_sample
 
@@ -36,6 +37,12 @@ _CONTRADICTED = 0.15
 _TURN, _HARDLY, _DUE = 0.5, 0.25, 24
 #: Radii on either side that tell how many points are due.
 _AROUND = 10
+#: Points, stretches of the line and sectors around it that show the shape of the cross-section; the points that a
+#: sector needs, and the sectors that a stretch needs; frames along the line.
+_SHAPED, _PROFILES, _SECTORS, _PER_SECTOR, _FEWEST_SECTORS, _FRAMES = 10_000, 8, 16, 10, 6, 400
+#: A stretch is not round if its shape is more than this, in radii and in standard deviations of the noise; and the
+#: object if so many of its stretches are not.
+_ODD, _ODD_NOISE, _ODD_SHARE = 0.1, 0.4, 0.75
 #: Points that are looked at to see whether the line follows all of the object.
 _LOOKED_AT = 4000
 
@@ -226,6 +233,57 @@ def check_bends(line: Skeleton, radius: float, s: Array) -> list[Finding]:
     angle = np.degrees(turn[worst])
     text = f"hardly any points are on the tube where it turns by {angle:.0f} degrees: the bend is a guess"
     return [_at(line, "gap", text, "doubtful", (worst + 1.0) / pieces)]
+
+
+def check_cross_section(points: Array, s: Array, residual: Array, line: Skeleton, radius: float) -> list[Finding]:
+    """Whether the cross-section is that of one tube, and not of two that lie side by side.
+
+    The fit makes up for what the residual is all around the axis and for what it is more on one side than on the other
+    (its harmonics 0 and 1). What else it is in the same place around the axis all along the line is shape.
+
+    Args:
+        points: (M, 3) metres.
+        s: (M,) foot coordinate of every point.
+        residual: (M,) its distance to the tube's surface, positive outside, metres.
+        line: the skeleton line.
+        radius: of the object, metres.
+    """
+    near = np.flatnonzero((np.abs(residual) < radius) & (s > 0.0) & (s < 1.0))
+    near = near[spatial_sample(points[near], _SHAPED)]
+    points, s, residual = points[near], s[near], residual[near]
+    tangent = line((np.arange(_FRAMES) + 0.5) / _FRAMES, 1)
+    frames = minimal_rotation_frames(tangent / np.linalg.norm(tangent, axis=1, keepdims=True))
+    across = frames[(s * _FRAMES).astype(np.intp), :, 1:]
+    y, z = np.einsum("ij,ijk->ki", points - line(s), across)
+    sector = ((np.arctan2(z, y) / (2.0 * np.pi) + 0.5) * _SECTORS).astype(np.intp) % _SECTORS
+    stretch = (s * _PROFILES).astype(np.intp)
+    shapes = [_shape(sector[stretch == k], residual[stretch == k]) for k in range(_PROFILES)]
+    known = [shape for shape in shapes if shape is not None]
+    odd = [shape > _ODD * radius and shape > _ODD_NOISE * noise for shape, noise in known]
+    if len(known) < 0.5 * _PROFILES or sum(odd) < _ODD_SHARE * len(known):
+        return []
+    message = "the cross-sections are not those of one round object: two strands may lie side by side"
+    return [Finding("side-by-side", message, "doubtful")]
+
+
+def _shape(sector: IntArray, residual: Array) -> tuple[float, float] | None:
+    """How much of the residual goes with the sector, beyond harmonics 0 and 1, and how much is noise: root mean
+    squares, metres; None where there are too few points.
+    """
+    counts = np.bincount(sector, minlength=_SECTORS)
+    full = np.flatnonzero(counts >= _PER_SECTOR)
+    if len(full) < _FEWEST_SECTORS:
+        return None
+    parts = [residual[sector == k] for k in full]
+    medians = np.array([np.median(part) for part in parts])
+    noise = 1.4826 * float(np.median(np.abs(np.concatenate(parts) - np.repeat(medians, counts[full]))))
+    angle = (full + 0.5) * (2.0 * np.pi / _SECTORS)
+    weight = np.sqrt(counts[full] / counts[full].sum())
+    harmonics = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1) * weight[:, None]
+    rest = medians * weight - harmonics @ np.linalg.lstsq(harmonics, medians * weight, rcond=None)[0]
+    # A median of n is uncertain by 1.25 standard deviations over the root of n.
+    chance = 1.57 * noise**2 * (len(full) - 3) / counts[full].sum()
+    return float(np.sqrt(max(rest @ rest - chance, 0.0))), noise
 
 
 def check_followed(points: Array, backbone: Array, distance: Array, radius: float) -> list[Finding]:

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from dlogen.errors import FitError
+from dlogen.pipeline import fit
 from dlogen.stages.checks import (
     MIN_POINTS,
     check_bends,
+    check_cross_section,
     check_followed,
     check_line,
     check_points,
@@ -19,7 +21,7 @@ from dlogen.stages.checks import (
 from dlogen.stages.curvature import max_curvature
 from dlogen.stages.residual import foot_points
 from dlogen.stages.scale import estimate_scale
-from dlogen.synthetic import centre_line, random_centre_line, sample_tube
+from dlogen.synthetic import centre_line, from_points, random_centre_line, sample_tube
 
 
 def refusal(points, **options) -> str:
@@ -305,3 +307,58 @@ class TestWalk:
 
     def test_no_points_on_the_tube(self, circle) -> None:
         assert check_walk(circle(0.3, 2.0), 0.01, np.zeros(5), np.zeros(5, bool), 0) == []
+
+
+class TestCrossSection:
+    def around(self, kind: str, amplitude: float, noise: float, seed: int, count: int = 6000, half: bool = False):
+        """Findings about a tube of radius 20 mm whose residual has a shape: a harmonic, and where it turns."""
+        rng = np.random.default_rng(seed)
+        line = fit(sample_tube(centre_line("bent"), 0.02, 2000, 1).points).skeleton
+        s = rng.uniform(0.0, 1.0, count)
+        angle = rng.uniform(-np.pi, 0.0 if half else np.pi, count)
+        tangent = line(s, 1)
+        side = np.cross(tangent, [0.0, 0.0, 1.0])
+        side /= np.linalg.norm(side, axis=1, keepdims=True)
+        up = np.cross(side, tangent / np.linalg.norm(tangent, axis=1, keepdims=True))
+        shape = {
+            "round": 0.0 * s,
+            "oval": np.cos(2.0 * angle),
+            "two humps": np.cos(4.0 * angle),
+            "offset": np.cos(angle),
+            "thick": np.ones(count),
+            "oval here": np.cos(2.0 * angle) * (s < 0.4),
+        }[kind]
+        residual = 0.02 * (amplitude * shape + noise * rng.normal(size=count))
+        away = (0.02 + residual)[:, None]
+        points = line(s) + away * (np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up)
+        return check_cross_section(points, s, residual, line, 0.02)
+
+    @pytest.mark.parametrize("noise", [0.0, 0.1, 0.3])
+    @pytest.mark.parametrize(("kind", "half"), [("oval", False), ("two humps", False), ("two humps", True)])
+    def test_what_is_not_round_is_said(self, noise: float, kind: str, half: bool) -> None:
+        (finding,) = self.around(kind, 0.3, noise, 1, half=half)
+        assert (finding.code, finding.severity) == ("side-by-side", "doubtful")
+
+    @pytest.mark.parametrize("kind", ["round", "offset", "thick", "oval here"])
+    @pytest.mark.parametrize("noise", [0.0, 0.1, 0.4])
+    @pytest.mark.parametrize("seed", range(3))
+    def test_what_is_no_shape_is_not(self, kind: str, noise: float, seed: int) -> None:
+        assert self.around(kind, 0.3, noise, seed) == []
+        assert self.around(kind, 0.3, noise, seed, count=1200) == []
+
+    def test_too_few_points_say_nothing(self) -> None:
+        assert self.around("oval", 0.3, 0.0, 1, count=300) == []
+
+    @pytest.mark.parametrize("noise", [0.001, 0.002])
+    def test_two_cables_that_touch_along_their_length(self, noise: float) -> None:
+        x = np.linspace(0.0, 0.5, 50)
+        line = np.c_[x, 0.1 * np.sin(4.0 * x), 0.0 * x]
+        lower, upper = (
+            sample_tube(
+                from_points(line + np.array([0.0, 0.0, z])), 0.01, 2500, seed, noise=noise, side=[0.3, 0.2, -1.0]
+            ).points
+            for z, seed in ((0.0, 1), (0.0205, 91))
+        )
+        quality = fit(np.vstack([lower, upper])).quality
+        assert quality.verdict != "good"
+        assert "side-by-side" in {finding.code for finding in quality.findings}

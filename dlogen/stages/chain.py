@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from dlogen.model import Array, Chain, Joints, Skeleton
@@ -42,24 +44,27 @@ def minimal_rotation_frames(tangents: Array) -> Array:
     Returns:
         (n, 3, 3) rotation matrices, columns x, y, z.
     """
-    frames = np.empty((len(tangents), 3, 3))
-    x = tangents[0]
-    up = np.array([0.0, 0.0, 1.0]) if abs(x[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
-    y = np.cross(up, x)
+    x0, x = tangents[:-1], tangents[1:]
+    up = np.array([0.0, 0.0, 1.0]) if abs(tangents[0, 2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    y = np.cross(up, tangents[0])
     y /= np.linalg.norm(y)
-    frames[0] = np.stack([x, y, np.cross(x, y)], axis=1)
-    for i in range(1, len(tangents)):
-        y = frames[i - 1, :, 1]
-        x0, x = tangents[i - 1], tangents[i]
-        cosine = float(x0 @ x)
-        if cosine > -1.0 + 1e-12:
-            # The rotation of x0 into x about their common normal (Rodrigues), applied to y.
-            y = y - (float(x @ y) / (1.0 + cosine)) * (x0 + x)
+    # The rotation of x0 into x about their common normal (Rodrigues) takes y to y - (x . y) (x0 + x) / (1 + x0 . x).
+    cosine = np.einsum("ij,ij->i", x0, x)[:, None]
+    turned = cosine > -1.0 + 1e-12
+    halfway = np.where(turned, (x0 + x) / np.where(turned, 1.0 + cosine, 1.0), 0.0)
+    # One after another, with plain numbers: for three of them an array takes ten times as long.
+    across = [y.tolist()]
+    for (ax, ay, az), (bx, by, bz) in zip(x.tolist(), halfway.tolist(), strict=True):
+        px, py, pz = across[-1]
+        shift = ax * px + ay * py + az * pz
+        px, py, pz = px - shift * bx, py - shift * by, pz - shift * bz
         # Rounding must not add up along long chains.
-        y = y - (y @ x) * x
-        y /= np.linalg.norm(y)
-        frames[i] = np.stack([x, y, np.cross(x, y)], axis=1)
-    return frames
+        along = ax * px + ay * py + az * pz
+        px, py, pz = px - along * ax, py - along * ay, pz - along * az
+        size = math.sqrt(px * px + py * py + pz * pz)
+        across.append([px / size, py / size, pz / size])
+    sideways = np.array(across)
+    return np.stack([tangents, sideways, np.cross(tangents, sideways)], axis=2)
 
 
 def deviation(line: Skeleton, joints: Joints, samples: int = 33) -> tuple[float, float]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlogen.model import Array, BoolArray, IntArray
-from dlogen.stages.curve_table import CurveTable, Deviations, deviations, dot, trace
+from dlogen.stages.curve_table import CurveTable, Deviations, Traces, deviations, dot, trace
 
 #: Intervals of lengths that are still open at this share of the length count as settled by the chains at their ends.
 RESOLUTION = 1e-6
@@ -124,7 +124,8 @@ def fewest_segments(table: CurveTable, e_max: float, allowed: float, min_last: f
     # Between its points the line can reach a little farther.
     reach += (table.bend + 1.0 / reach) * table.step**2 / 8.0 + 1e-9 * reach
     # All lengths beyond that give one and the same segment.
-    single = lay_chains(table, np.array([reach]), e_max)
+    whole = np.array([[0.0, float(table.cells)]])
+    single = _looked_at(table, Traces(np.array([reach]), whole, np.ones(1, dtype=np.intp)), e_max)
     if single.best_within(table, e_max) is not None:
         return Fewest(1, float(single.lengths[0]), None, 0.0, 1)
 
@@ -225,8 +226,12 @@ def lay_chains(table: CurveTable, lengths: Array, e_max: float) -> Chains:
         lengths: (B,) metres, in order.
         e_max: the deviation to compare with, metres.
     """
-    chains = trace(table, lengths)
-    size = len(lengths)
+    return _looked_at(table, trace(table, lengths), e_max)
+
+
+def _looked_at(table: CurveTable, chains: Traces, e_max: float) -> Chains:
+    """`lay_chains` with the places of the joints given."""
+    lengths, size = chains.lengths, len(chains.lengths)
     deviation, share = np.empty(size), np.empty(size)
     refuted = np.zeros(max(size - 1, 0), dtype=np.bool_)
     rows = max(2, _AT_ONCE // chains.u.shape[1])

@@ -85,14 +85,15 @@ def segment(line: Skeleton, e_max: float, wish: Wish) -> Segmentation:
     if chosen is not None and not wish.alternatives:
         return chosen
 
-    about = line.length / _eq_17(e_max, _smallest_radius(line))
+    allowed = _eq_17(e_max, _smallest_radius(line))
+    about = line.length / allowed
     if about > _MOST_SEARCHED:
         raise FitError(
             f"e_max = {e_max:g} m means about {about:.3g} segments: too many to search for the fewest",
             "raise e_max, or set segmentation.criterion to paper",
             stage="segmentation",
         )
-    found = _search(line, e_max, wish.min_last, minimax=wish.alternatives or wish.placement == "minimax")
+    found = _search(line, e_max, allowed, wish.min_last, minimax=wish.alternatives or wish.placement == "minimax")
     if chosen is None:
         chosen = next(item for item in found if (item.criterion, item.placement) == ("fewest", wish.placement))
     others = (item for item in found if (item.criterion, item.placement) != (chosen.criterion, chosen.placement))
@@ -117,9 +118,9 @@ def _smallest_radius(line: Skeleton) -> float:
     return 1.0 / bend if bend > 0.0 else math.inf
 
 
-def _search(line: Skeleton, e_max: float, min_last: float, *, minimax: bool) -> list[Segmentation]:
-    """By Eq. 17; with the fewest segments, joints on the line; and, if wanted, with the fewest, joints off the line."""
-    allowed, aim = _eq_17(e_max, _smallest_radius(line)), e_max * _AIM
+def _search(line: Skeleton, e_max: float, allowed: float, min_last: float, *, minimax: bool) -> list[Segmentation]:
+    """By Eq. 17 (`allowed`); with the fewest segments, joints on the line; and, if wanted, joints off the line."""
+    aim = e_max * _AIM
     table = CurveTable(line)
     found = []
     fewest = fewest_segments(table, aim, allowed, min_last)

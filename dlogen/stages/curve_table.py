@@ -64,8 +64,10 @@ class CurveTable:
         self.points = np.ascontiguousarray(points.T)
         rise, first, last = np.diff(self.points, axis=1), tangents[:-1].T, tangents[1:].T
         cubics = (self.points[:, :-1], first, 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise)
-        # (12, cells): the constant terms of x, y, z, the linear ones, ...
-        self._cubics = np.concatenate(cubics)
+        # (12, cells + 1): the constant terms of x, y, z, the linear ones, ... The last cell is the line's end.
+        self._cubics = np.zeros((12, cells + 1))
+        self._cubics[:, :-1] = np.concatenate(cubics)
+        self._cubics[:3, -1], self._cubics[3:6, -1] = self.points[:, -1], tangents[-1]
         second = 2.0 * np.stack([cubics[2], cubics[2] + 3.0 * cubics[3]])
         largest = float(np.sqrt((second**2).sum(axis=1).max()))
         self.bend = 1.01 * largest / max(self.step, 1e-300) ** 2
@@ -83,14 +85,20 @@ class CurveTable:
 
     def with_tangent(self, u: Array) -> tuple[Array, Array]:
         """Points and unit tangents: (...,) -> (3, ...) twice."""
+        # Horner's scheme for both at once (Knuth 4.6.4).
         a, b, c, d, t = self._cell(u)
-        point = ((d * t + c) * t + b) * t + a
-        tangent: Array = ((3.0 * d * t + 2.0 * c) * t + b) / self.step
-        return point, tangent
+        d *= t
+        c += d
+        b += c * t
+        a += b * t
+        c += d
+        b += c * t
+        b /= self.step
+        return a, b
 
     def _cell(self, u: Array) -> tuple[Array, Array, Array, Array, Array]:
         """The coefficients at u, (3, ...) each, and the place in the cell, (...,)."""
-        index = np.minimum(u.astype(np.intp), self.cells - 1)
+        index = u.astype(np.intp)
         cubic = self._cubics.take(index, axis=1)
         return cubic[0:3], cubic[3:6], cubic[6:9], cubic[9:12], u - index
 
@@ -139,15 +147,17 @@ def trace(table: CurveTable, lengths: Array) -> Traces:
     while len(rows):
         start = at[rows]
         # Pieces are about as long as the ones before them.
-        guess = start + np.clip(passed, reach, 1.05 * reach)
-        found, centre = _first_crossing(table, start, guess, centre, lengths[rows])
+        guess = start + np.minimum(np.maximum(passed, reach), 1.05 * reach)
+        found, centre = _first_crossing(table, start, guess, centre, reach * table.step)
+        passed = found - start
         counts[rows] += 1
         # What is left over by less than a nanometre is no segment.
         going = (end - found) * table.step > 1e-9
+        if not going.all():
+            rows, centre, reach, passed, found = rows[going], centre[:, going], reach[going], passed[going], found[going]
         at = np.full(len(lengths), end)
-        at[rows[going]] = found[going]
+        at[rows] = found
         columns.append(at)
-        rows, centre, reach, passed = rows[going], centre[:, going], reach[going], (found - start)[going]
     return Traces(lengths, np.stack(columns, axis=1), counts)
 
 
@@ -163,21 +173,24 @@ def _first_crossing(table: CurveTable, start: Array, guess: Array, centre: Array
         point, tangent = table.with_tangent(u)
         offset = point - centre
         distance = np.sqrt(dot(offset, offset))
-        gap = (radius - distance) / table.step
+        gap = radius - distance
         slope = dot(offset, tangent) / np.maximum(distance, 1e-300)
         simple &= slope > 0.5
+        off = np.abs(gap)
         if attempt == 0:
-            simple &= np.abs(gap) * table.step < 0.05 * radius
-        step = gap / np.maximum(slope, 0.5)
-        near = np.abs(gap) < _CLOSE
-        if (near | ~simple).all():
+            simple &= off < 0.05 * radius
+        near = off < _CLOSE * table.step
+        move = gap / np.maximum(slope, 0.5)
+        result = u + move / table.step
+        if near[simple].all():
             break
-        u = np.minimum(u + step, end)
+        u = np.minimum(result, end)
     # A last step leaves less than rounding.
-    simple &= near & (u + step <= end)
-    result, place = u + step, point + step * table.step * tangent
-    slow = np.flatnonzero(~simple)
-    if len(slow):
+    simple &= near & (result <= end)
+    tangent *= move
+    place = point + tangent
+    if not simple.all():
+        slow = np.flatnonzero(~simple)
         result[slow], place[:, slow] = _march(table, start[slow], centre[:, slow], radius[slow])
     return result, place
 

@@ -107,7 +107,7 @@ def main() -> NoReturn:
     # Closed by the caller (`>&-`): there is nobody to write to.
     sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: PTH123, SIM115
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: PTH123, SIM115
-    # Read when numpy is loaded. Matrices are small here: threads for them take a tenth of a second to start, for nothing.
+    # Read when numpy is loaded. Matrices are small here: threads take a tenth of a second to start, for nothing.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         cli.main(prog_name="dlogen")

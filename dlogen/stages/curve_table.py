@@ -154,7 +154,8 @@ def trace(table: CurveTable, lengths: Array) -> Traces:
         # What is left over by less than a nanometre is no segment.
         going = (end - found) * table.step > 1e-9
         if not going.all():
-            rows, centre, reach, passed, found = rows[going], centre[:, going], reach[going], passed[going], found[going]
+            rows, centre, found = rows[going], centre[:, going], found[going]
+            reach, passed = reach[going], passed[going]
         at = np.full(len(lengths), end)
         at[rows] = found
         columns.append(at)

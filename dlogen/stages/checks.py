@@ -249,6 +249,8 @@ def check_cross_section(points: Array, s: Array, residual: Array, line: Skeleton
         radius: of the object, metres.
     """
     near = np.flatnonzero((np.abs(residual) < radius) & (s > 0.0) & (s < 1.0))
+    if len(near) < _PROFILES * _FEWEST_SECTORS * _PER_SECTOR // 2:
+        return []
     near = near[spatial_sample(points[near], _SHAPED)]
     points, s, residual = points[near], s[near], residual[near]
     tangent = line((np.arange(_FRAMES) + 0.5) / _FRAMES, 1)
@@ -256,8 +258,16 @@ def check_cross_section(points: Array, s: Array, residual: Array, line: Skeleton
     across = frames[(s * _FRAMES).astype(np.intp), :, 1:]
     y, z = np.einsum("ij,ijk->ki", points - line(s), across)
     sector = ((np.arctan2(z, y) / (2.0 * np.pi) + 0.5) * _SECTORS).astype(np.intp) % _SECTORS
-    stretch = (s * _PROFILES).astype(np.intp)
-    shapes = [_shape(sector[stretch == k], residual[stretch == k]) for k in range(_PROFILES)]
+    cell = (s * _PROFILES).astype(np.intp) * _SECTORS + sector
+    order = np.lexsort((residual, cell))
+    cell, residual = cell[order], residual[order]
+    counts = np.bincount(cell, minlength=_PROFILES * _SECTORS)
+    first = np.cumsum(counts) - counts
+    medians = residual[np.minimum(first + counts // 2, len(residual) - 1)]
+    off = np.abs(residual - medians[cell])
+    rows = [slice(k * _SECTORS, (k + 1) * _SECTORS) for k in range(_PROFILES)]
+    parts = np.split(off, first[_SECTORS::_SECTORS])
+    shapes = [_shape(counts[row], medians[row], part) for row, part in zip(rows, parts, strict=True)]
     known = [shape for shape in shapes if shape is not None]
     odd = [shape > _ODD * radius and shape > _ODD_NOISE * noise for shape, noise in known]
     if len(known) < 0.5 * _PROFILES or sum(odd) < _ODD_SHARE * len(known):
@@ -266,21 +276,26 @@ def check_cross_section(points: Array, s: Array, residual: Array, line: Skeleton
     return [Finding("side-by-side", message, "doubtful")]
 
 
-def _shape(sector: IntArray, residual: Array) -> tuple[float, float] | None:
-    """How much of the residual goes with the sector, beyond harmonics 0 and 1, and how much is noise: root mean
-    squares, metres; None where there are too few points.
+def _shape(counts: IntArray, medians: Array, off: Array) -> tuple[float, float] | None:
+    """How much of a stretch's residual is shape, beyond harmonics 0 and 1, and how much noise: root mean squares.
+
+    Args:
+        counts: (S,) points of each sector.
+        medians: (S,) of their residuals, metres.
+        off: (K,) how far the residuals are from those, metres.
+
+    Returns:
+        Both in metres; None where there are too few points.
     """
-    counts = np.bincount(sector, minlength=_SECTORS)
     full = np.flatnonzero(counts >= _PER_SECTOR)
     if len(full) < _FEWEST_SECTORS:
         return None
-    parts = [residual[sector == k] for k in full]
-    medians = np.array([np.median(part) for part in parts])
-    noise = 1.4826 * float(np.median(np.abs(np.concatenate(parts) - np.repeat(medians, counts[full]))))
+    noise = 1.4826 * float(np.median(off))
     angle = (full + 0.5) * (2.0 * np.pi / _SECTORS)
     weight = np.sqrt(counts[full] / counts[full].sum())
     harmonics = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1) * weight[:, None]
-    rest = medians * weight - harmonics @ np.linalg.lstsq(harmonics, medians * weight, rcond=None)[0]
+    rest = medians[full] * weight
+    rest = rest - harmonics @ np.linalg.lstsq(harmonics, rest, rcond=None)[0]
     # A median of n is uncertain by 1.25 standard deviations over the root of n.
     chance = 1.57 * noise**2 * (len(full) - 3) / counts[full].sum()
     return float(np.sqrt(max(rest @ rest - chance, 0.0))), noise

@@ -218,9 +218,14 @@ def _shared_at_ends(points: Array, tube: Tube) -> BoolArray:
     shared = np.zeros(points.shape[1], dtype=bool)
     for at_end, away in ((s, even), (arc[-1] - s, arc[-1] - even)):
         near = np.flatnonzero(at_end < _END * radius)
-        others = places[away > _ELSEWHERE * radius]
-        if len(others) and len(near):
-            distance = cKDTree(others).query(points[:, near].T, distance_upper_bound=reach)[0]
+        if not len(near):
+            continue
+        end = points[:, near]
+        # Most curves do not come back to their ends: nothing is left to ask then.
+        low, high = end.min(axis=1) - reach, end.max(axis=1) + reach
+        others = places[(away > _ELSEWHERE * radius) & ((places > low) & (places < high)).all(axis=1)]
+        if len(others):
+            distance = cKDTree(others).query(end.T, distance_upper_bound=reach)[0]
             shared[near] |= np.isfinite(distance)
     return shared
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from dlogen.commands._options import Workers, config_options, format_option, wor
 from dlogen.console import Console, print_json
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from dlogen.batch.ledger import Row
     from dlogen.config import Config
@@ -27,8 +28,14 @@ _EXAMPLES = """Examples:
   dlogen sequence recording -o motion --json | jq -r '.frames[] | select(.state != "good") | .name'
 """
 
-#: Frames that are named on stderr; all are in the report.
+#: Lines about frames on stderr; all of them are in the report.
 _MOST_NAMED = 20
+
+#: So many frames in a row that are set aside for the same reason are told of in one line.
+_RUN = 3
+
+#: So many frames in a row that do not fit in may be a part of another recording.
+_PART = 5
 
 
 @click.command(cls=Command, epilog=_EXAMPLES)
@@ -48,7 +55,7 @@ _MOST_NAMED = 20
 @worker_options
 @click.option("--retry", is_flag=True, help="Fit frames again that failed before.")
 @click.option("--force", is_flag=True, help="Fit all frames again, and overwrite files of others.")
-@click.option("--strict", is_flag=True, help="Exit 1 unless all frames are good.")
+@click.option("--strict", is_flag=True, help="Exit 1 unless all frames are good and nothing is in doubt.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON to stdout.")
 def command(
     inputs: tuple[str, ...],
@@ -140,6 +147,8 @@ def command(
     aside = sum(state != "good" for state in made.motion.states)
     if strict and aside:
         raise FitError(f"{aside} of {len(items)} frames are set aside", "see above, or leave --strict away", path=out)
+    if strict and made.motion.common.doubts:
+        raise FitError("the motion is in doubt", "see above, or leave --strict away", path=out)
 
 
 def _configs(path: str | None, given: tuple[str, ...], console: Console) -> tuple[Config, Config, tuple[str, ...]]:
@@ -227,17 +236,46 @@ def tell(motion: Motion, console: Console) -> None:
     worst = max((k for k in range(len(names)) if good[k]), key=lambda k: float(common.deviation[k]))
     count = len(common.links)
     segments = f"{count} segment{'s' if count > 1 else ''} of {1e3 * common.links[0]:.1f} mm"
-    what = "frames" if motion.times is not None else "clouds"
+    what = ("frame" if motion.times is not None else "cloud") + ("s" if len(names) > 1 else "")
     console.info(
         f"{len(names)} {what}, {motion.states.count('good')} good: {sizes.length.value:.4f} m long, radius "
         f"{1e3 * sizes.radius.value:.2f} mm; {segments}; deviation {1e3 * common.deviation[worst]:.2f} mm at most, in "
         f"{names[worst]} (allowed {1e3 * common.e_max:.2f}); bent to {bend.radius:.3g} m in {names[bend.frame]}"
     )
-    aside = [(name, why, state) for name, why, state in zip(names, common.asides, motion.states, strict=True) if why]
-    for name, why, state in aside[:_MOST_NAMED]:
-        what = "has no pose" if state == "none" else f"is {state}"
-        console.warning(f"{name} {what}: {why.message} [{why.code}]")
-    if len(aside) > _MOST_NAMED:
-        console.warning(f"and {len(aside) - _MOST_NAMED} others: see the report")
+    _tell_some([f"{doubt.message} [{doubt.code}]" for doubt in common.doubts], console)
+    _tell_some(_set_aside(motion), console)
+    if any(code == "motion" and len(run) >= _PART for code, _, run in _runs(motion)):
+        console.hint("if the recording has a cut, or its object was moved meanwhile, give the parts one by one")
     if common.deviation[worst] > common.e_max:
         console.warning("the segments are too long to follow the tightest bends within e_max")
+
+
+def _tell_some(lines: Sequence[str], console: Console) -> None:
+    for line in lines[:_MOST_NAMED]:
+        console.warning(line)
+    if len(lines) > _MOST_NAMED:
+        console.warning(f"and {len(lines) - _MOST_NAMED} others: see the report")
+
+
+def _runs(motion: Motion) -> Iterator[tuple[str, str, list[int]]]:
+    """Frames that are set aside: code of the reason, state, and those in a row that share both."""
+    asides = motion.common.asides
+    of_each = [(aside.code if aside else "", state) for aside, state in zip(asides, motion.states, strict=True)]
+    for (code, state), run in groupby(range(len(of_each)), key=of_each.__getitem__):
+        if code:
+            yield code, state, list(run)
+
+
+def _set_aside(motion: Motion) -> list[str]:
+    """A line for every frame that is set aside; one for many in a row, which is one reason more often than not."""
+    common = motion.common
+    lines = []
+    for code, state, run in _runs(motion):
+        first, last = (common.observed[k].name for k in (run[0], run[-1]))
+        why = [f"{aside.message} [{code}]" for k in run if (aside := common.asides[k])]
+        if motion.times is not None and len(run) >= _RUN:
+            lines.append(f"{first} to {last} are {state}, {len(run)} frames: such as {first}: {why[0]}")
+            continue
+        what = "has no pose" if state == "none" else f"is {state}"
+        lines += [f"{common.observed[k].name} {what}: {text}" for k, text in zip(run, why, strict=True)]
+    return lines

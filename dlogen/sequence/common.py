@@ -14,7 +14,7 @@ from dlogen.model import Array, BoolArray
 from dlogen.sequence.links import Shape, deviations, equal_links, fewest_links, fit_links, links_of_length
 from dlogen.sequence.observed import Aside, Observed, Sizes, common_sizes, set_aside
 from dlogen.sequence.pose import filled_in, smoothed
-from dlogen.sequence.track import directions, hidden_ends, misfits
+from dlogen.sequence.track import directions, hidden_ends, misfits, unclear_directions
 from dlogen.stages.curvature import max_segment_length
 
 #: More links than any simulator takes.
@@ -39,6 +39,21 @@ class Bend:
     s: float
 
 
+@dataclass(frozen=True)
+class Doubt:
+    """What may be wrong with the model or the motion as a whole.
+
+    Attributes:
+        code: "sizes" (the frames are not those of one object) or "direction" (which end is first may change).
+        message: one sentence, with figures.
+        frame: from which on; None if it is about all.
+    """
+
+    code: str
+    message: str
+    frame: int | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Common:
     """One object in several frames.
@@ -55,6 +70,7 @@ class Common:
         deviation: (F,) largest distance between a frame's curve and its chain, metres; NaN where it is set aside.
         bend: the tightest one of the good frames.
         reference: the good frame that is bent the least at its joints.
+        doubts: about all of it.
     """
 
     observed: tuple[Observed, ...]
@@ -68,6 +84,7 @@ class Common:
     deviation: Array
     bend: Bend
     reference: int
+    doubts: tuple[Doubt, ...] = ()
 
     @property
     def good(self) -> BoolArray:
@@ -106,6 +123,7 @@ def common_model(
     sizes = common_sizes(observed, _good(asides, observed))
     for k, item in enumerate(observed):
         asides[k] = asides[k] or set_aside(item, sizes)
+    doubts = _of_sizes(observed, asides, sizes)
     used = np.flatnonzero(_good(asides, observed)).tolist()
     shape = _shape([observed[k] for k in used], sizes.length.value)
     reverse = np.zeros(len(observed), dtype=bool)
@@ -119,6 +137,7 @@ def common_model(
     good = np.flatnonzero(_good(asides, observed)).tolist()
     shape = _shape([observed[k] for k in good], sizes.length.value, reverse[good])
     if times is not None:
+        doubts += _of_directions(observed, good, shape, times)
         shape = _with_hidden_ends(shape, times[good], 3.0 * sizes.length.spread)
 
     e_max = 0.5 * sizes.radius.value if e_max is None else e_max
@@ -148,7 +167,39 @@ def common_model(
         deviation=deviation,
         bend=Bend(radius, int(good[which]), s),
         reference=int(good[np.argmin(bends.max(axis=1, initial=0.0))]),
+        doubts=tuple(doubts),
     )
+
+
+def _of_sizes(observed: Sequence[Observed], asides: Sequence[Aside | None], sizes: Sizes) -> list[Doubt]:
+    """That the sizes are not those of one object: what they scatter about may be the size of none."""
+    believed = [item for item in observed if item.problem is None]
+    within = sum(aside is None for aside in asides)
+    if len(believed) < 2 or (sizes.length.agreed and sizes.radius.agreed and 2 * within > len(believed)):
+        return []
+    codes = Counter(aside.code for aside in asides if aside is not None)
+    what = "radius" if codes["radius"] > codes["length"] or sizes.length.agreed > sizes.radius.agreed else "length"
+    values, usual = [getattr(item, what) for item in believed], getattr(sizes, what).value
+    return [
+        Doubt(
+            "sizes",
+            f"{'radii' if what == 'radius' else 'lengths'} differ, {min(values):.4g} to {max(values):.4g} m, and only "
+            f"{within} of {len(believed)} go by {usual:.4g} m: is it one object, and is all of it in view?",
+        )
+    ]
+
+
+def _of_directions(observed: Sequence[Observed], good: list[int], shape: Shape, times: Array) -> list[Doubt]:
+    places = np.linspace(0.0, shape.length, _DIRECTED)
+    return [
+        Doubt(
+            "direction",
+            f"which end is first may be wrong from {observed[good[k]].name} on: the motion since "
+            f"{observed[good[k - 1]].name} is about as smooth the other way round",
+            good[k],
+        )
+        for k in unclear_directions(shape.points(places), times[good]).tolist()
+    ]
 
 
 def _good(asides: Sequence[Aside | None], observed: Sequence[Observed]) -> BoolArray:

@@ -203,6 +203,14 @@ def sequence_dict(motion: Motion, result: Result, *, time_source: str | None, ra
             "radius": _size(sizes.radius),
             "residual": _size(sizes.residual),
         },
+        "doubts": [
+            {
+                "code": item.code,
+                "message": item.message,
+                "frame": None if item.frame is None else names[item.frame],
+            }
+            for item in common.doubts
+        ],
         "frames": [
             {
                 "name": item.name,

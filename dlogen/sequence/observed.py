@@ -15,6 +15,9 @@ _SIGMAS = 6.0
 #: Median absolute deviation to standard deviation, for a normal distribution.
 _MAD = 1.4826
 
+#: Lengths, and radii, that scatter by more than this share are those of different objects.
+_MOST_LENGTH, _MOST_RADIUS = 0.1, 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class Observed:
@@ -54,7 +57,7 @@ class Size:
     """A quantity over the recording.
 
     Attributes:
-        value: median over the frames that are believed.
+        value: usual over the frames that are believed.
         allowed: largest distance to it.
         spread: robust standard deviation.
     """
@@ -62,6 +65,11 @@ class Size:
     value: float
     allowed: float
     spread: float
+
+    @property
+    def agreed(self) -> bool:
+        """Whether the frames scatter no more about the value than those of one object."""
+        return _SIGMAS * self.spread <= self.allowed
 
 
 @dataclass(frozen=True)
@@ -74,7 +82,10 @@ class Sizes:
 
 
 def common_sizes(observed: Sequence[Observed], use: BoolArray) -> Sizes:
-    """Medians over the frames in use, and how far from them a frame may be.
+    """Usual sizes of the frames in use, and how far from them a frame may be.
+
+    They are medians. Lengths and radii that scatter by more than those of one object are of several, and the median
+    may be that of none: then it is the median of the half that lies closest together.
 
     A frame may always be off by what does no harm, and never by so much that it is another object: its length by 1 %,
     or the radius if that is more, and at most by 10 %; its radius by 10 % and at most by half. Residuals are bounded
@@ -88,19 +99,35 @@ def common_sizes(observed: Sequence[Observed], use: BoolArray) -> Sizes:
         np.array([getattr(observed[k], name) for k in np.flatnonzero(use).tolist()])
         for name in ("length", "radius", "residual")
     )
-    length, radius = float(np.median(lengths)), float(np.median(radii))
-    residual = float(np.median(residuals))
+    length, length_spread = _usual(lengths, _MOST_LENGTH)
+    radius, radius_spread = _usual(radii, _MOST_RADIUS)
+    residual, residual_spread = _usual(residuals, np.inf)
     return Sizes(
-        _size(lengths, max(radius, 0.01 * length), 0.1 * length),
-        _size(radii, 0.1 * radius, 0.5 * radius),
-        _size(residuals, max(residual, 0.1 * radius), np.inf),
+        _size(length, length_spread, max(radius, 0.01 * length), _MOST_LENGTH * length),
+        _size(radius, radius_spread, 0.1 * radius, _MOST_RADIUS * radius),
+        _size(residual, residual_spread, max(residual, 0.1 * radius), np.inf),
     )
 
 
-def _size(values: Array, least: float, most: float) -> Size:
+def _usual(values: Array, most: float) -> tuple[float, float]:
+    """The median and the robust standard deviation; of the shortest half if that is more than a share `most`.
+
+    The shortest half (Andrews et al. 1972) is the interval with half of the values that is the least wide; of a normal
+    distribution it is as wide as two median absolute deviations.
+    """
     middle = float(np.median(values))
     spread = _MAD * float(np.median(np.abs(values - middle)))
-    return Size(middle, min(max(_SIGMAS * spread, least), most), spread)
+    half = (len(values) + 1) // 2
+    if _SIGMAS * spread <= most * middle or half < 2:
+        return middle, spread
+    ordered = np.sort(values)
+    widths = ordered[half - 1 :] - ordered[: len(values) - half + 1]
+    first = int(np.argmin(widths))
+    return float(np.median(ordered[first : first + half])), 0.5 * _MAD * float(widths[first])
+
+
+def _size(value: float, spread: float, least: float, most: float) -> Size:
+    return Size(value, min(max(_SIGMAS * spread, least), most), spread)
 
 
 def set_aside(observed: Observed, sizes: Sizes) -> Aside | None:
@@ -112,13 +139,12 @@ def set_aside(observed: Observed, sizes: Sizes) -> Aside | None:
         if abs(value - size.value) > size.allowed:
             return Aside(
                 code,
-                f"{1e3 * value:.1f} mm {what}, the recording {1e3 * size.value:.1f} "
-                f"(allowed +-{1e3 * size.allowed:.1f})",
+                f"{1e3 * value:.1f} mm {what}, usual are {1e3 * size.value:.1f} (allowed +-{1e3 * size.allowed:.1f})",
             )
     if observed.residual > sizes.residual.value + sizes.residual.allowed:
         return Aside(
             "noise",
-            f"its points scatter by {1e3 * observed.residual:.2f} mm, in the recording by "
+            f"its points scatter by {1e3 * observed.residual:.2f} mm, usually by "
             f"{1e3 * sizes.residual.value:.2f} (allowed {1e3 * (sizes.residual.value + sizes.residual.allowed):.2f})",
         )
     return None

@@ -41,9 +41,12 @@ def motion_picture(motion: Motion) -> bytes:
     _draw_errors(figure.add_subplot(grid[1, 0]), motion)
     _draw_bends(figure.add_subplot(grid[1, 1]), motion)
     common = motion.common
+    count, links = len(motion.states), len(common.links)
+    what = ("frame" if motion.times is not None else "cloud") + ("s" if count > 1 else "")
     figure.suptitle(
-        f"{len(motion.states)} frames, {motion.states.count('good')} good: {common.sizes.length.value:.3f} m, radius "
-        f"{1e3 * common.sizes.radius.value:.2f} mm, {len(common.links)} segments of {1e3 * common.links[0]:.1f} mm",
+        f"{count} {what}, {motion.states.count('good')} good: {common.sizes.length.value:.3f} m, radius "
+        f"{1e3 * common.sizes.radius.value:.2f} mm, {links} segment{'s' if links > 1 else ''} of "
+        f"{1e3 * common.links[0]:.1f} mm",
         fontsize=13,
     )
     return png(figure)
@@ -52,7 +55,7 @@ def motion_picture(motion: Motion) -> bytes:
 def _clock(motion: Motion) -> tuple[np.ndarray, str]:
     """Where frames are on the axis of time, and its name."""
     if motion.times is None:
-        return np.arange(len(motion.states), dtype=float), "frame"
+        return np.arange(len(motion.states), dtype=float), "cloud"
     start = motion.times[0]
     # Seconds since 1970 would fill the axis with digits.
     return motion.times - (
@@ -110,6 +113,8 @@ def _draw_errors(axes: Axes, motion: Motion) -> None:
 
 
 def _draw_bends(axes: Axes, motion: Motion) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     clock, name = _clock(motion)
     common = motion.common
     edges = np.diff(common.joints, axis=1) / common.links[:, None]
@@ -124,4 +129,7 @@ def _draw_bends(axes: Axes, motion: Motion) -> None:
     image = axes.pcolormesh(x, np.arange(bends.shape[1] + 1) + 0.5, bends.T, cmap="magma", rasterized=True)
     axes.set_xlabel(name)
     axes.set_ylabel("joint")
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    if motion.times is None:
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.figure.colorbar(image, ax=axes, label="bend [degrees]", pad=0.02)

@@ -13,7 +13,7 @@ from click.testing import CliRunner, Result
 from moving import LENGTH, RADIUS, hose, line
 
 from dlogen.cli import cli
-from dlogen.clouds import write_cloud
+from dlogen.clouds import read_cloud, write_cloud
 from dlogen.sequence.links import Shape, fit_links
 from dlogen.synthetic import CentreLine, sample_tube
 
@@ -240,3 +240,40 @@ def test_times_of_a_list_and_a_fixed_base_that_moves(tmp_path, recording) -> Non
 
     result = run(f"@{listed}", "-o", tmp_path / "out", "--set", "joints.min_bend_radius=1.0", "-q")
     assert result.exit_code == 2 and "but hose_" in result.stderr and "is bent to" in result.stderr
+
+
+def test_a_cut_and_frames_in_a_row_take_one_line(tmp_path, recording) -> None:
+    """The second part of the recording shows the object elsewhere."""
+    moved = tmp_path / "recording"
+    moved.mkdir()
+    for k in range(20):
+        if k in (8, 18):
+            (moved / f"{k}.ply").write_bytes(b"")
+        else:
+            points = read_cloud(recording / f"hose_{k + 21}.ply").points
+            write_cloud(moved / f"{k}.ply", points + np.array([3.0 * (k >= 12), 0.0, 0.0]))
+    out = tmp_path / "out"
+    result = run(moved, "-o", out, "--rate", RATE, "-j", 2)
+    assert result.exit_code == 0, result.stderr
+    said = json.loads((out / "sequence.json").read_text())
+    assert [item["reason"]["code"] for item in said["frames"][12:]] == [*["motion"] * 6, "failed", "motion"]
+    assert "12 to 17 are held, 6 frames: such as 12: " in result.stderr and result.stderr.count("[motion]") == 2
+    assert "if the recording has a cut" in result.stderr
+    assert said["doubts"] == []
+
+
+def test_doubts_are_told_and_strict(tmp_path, recording) -> None:
+    """Two frames that are too far apart to tell which end is which."""
+    for name, turn in (("a_1", 0.0), ("a_2", 1.6)):
+        c, s = np.cos(turn), np.sin(turn)
+        points = read_cloud(recording / "hose_1.ply").points
+        points = (points - points.mean(axis=0)) @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        write_cloud(tmp_path / f"{name}.ply", points)
+    call = (tmp_path / "a_1.ply", tmp_path / "a_2.ply", "-o", tmp_path / "out", "--rate", 1, "-j", 1)
+    result = run(*call)
+    assert result.exit_code == 0
+    assert "which end is first may be wrong from a_2 on" in result.stderr and "2 frames, 2 good" in result.stderr
+    doubts = json.loads((tmp_path / "out" / "sequence.json").read_text())["doubts"]
+    assert [(item["code"], item["frame"]) for item in doubts] == [("direction", "a_2")]
+    strict = run(*call, "--strict")
+    assert strict.exit_code == 1 and "the motion is in doubt" in strict.stderr

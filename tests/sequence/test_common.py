@@ -206,3 +206,35 @@ def test_one_frame() -> None:
     made = recorded("hose", 0, 1)
     common = common_model(made.observed, made.times)
     assert common.good.all() and common.joints.shape[0] == 1
+
+
+@pytest.mark.parametrize("name", ["hose", "whip", "rod", "loop"])
+def test_a_change_of_direction_is_never_silent(name: str) -> None:
+    """Of recordings with too few frames and a gap, whatever is got wrong is named."""
+    wrong = 0
+    for seed, frames in ((0, 7), (3, 10), (3, 14), (5, 14)):
+        made = recorded(name, seed, frames)
+        kept = [k for k in range(frames) if not 0.4 * frames <= k < 0.4 * frames + 2]
+        common = common_model([made.observed[k] for k in kept], made.times[kept])
+        good = np.flatnonzero(common.good)
+        true = made.truth(np.linspace(0.0, 1.0, len(common.links) + 1))[kept]
+        far = [np.linalg.norm(common.joints - true[:, ::way], axis=2).mean(axis=1)[good] for way in (1, -1)]
+        turns = set(good[1:][np.diff(far[0] < far[1])].tolist())
+        assert turns <= {doubt.frame for doubt in common.doubts}
+        wrong += len(turns)
+    assert wrong or name != "hose"
+
+
+def test_nothing_is_in_doubt_in_a_whole_recording() -> None:
+    assert common_model((made := recorded("hose", 3)).observed, made.times).doubts == ()
+
+
+def test_objects_of_two_lengths() -> None:
+    made = recorded("hose", 3, 20)
+    frames = [observation(f"f{k}", item.points[: 1000 if k < 10 else 850]) for k, item in enumerate(made.observed)]
+    common = common_model(frames)
+    assert {aside.code for aside in common.asides[10:] + common.asides[:10] if aside} == {"length"}
+    assert common.good.tolist() in ([True] * 10 + [False] * 10, [False] * 10 + [True] * 10)
+    assert [doubt.code for doubt in common.doubts] == ["sizes"]
+    assert "lengths differ, 1.0" in common.doubts[0].message
+    assert common_model(frames[:13]).doubts == ()

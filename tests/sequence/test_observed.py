@@ -66,3 +66,23 @@ def test_set_aside(values, code) -> None:
 def test_frames_not_in_use_do_not_count() -> None:
     observed = frames([1.0, 1.0, 1.0, 3.0, 3.0, 3.0, 3.0])
     assert common_sizes(observed, np.arange(7) < 3).length.value == 1.0
+
+
+@pytest.mark.parametrize("name", ["length", "radius"])
+def test_two_objects_are_not_averaged(name: str) -> None:
+    """The median of as many long as short ones is the size of none."""
+    rng = np.random.default_rng(2)
+    values = np.repeat([1.0, 1.25], 10) * (1.0 + 0.001 * rng.normal(size=20))
+    observed = frames(values) if name == "length" else frames([1.0] * 20, 0.02 * values)
+    sizes = sizes_of(observed)
+    asides = [set_aside(item, sizes) for item in observed]
+    codes = [aside.code if aside else None for aside in asides]
+    assert codes in ([None] * 10 + [name] * 10, [name] * 10 + [None] * 10)
+    assert getattr(sizes, name).agreed
+
+
+def test_sizes_that_only_drift_are_not_agreed() -> None:
+    assert not sizes_of(frames(np.linspace(0.6, 1.1, 40))).length.agreed
+    assert sizes_of(frames(np.linspace(1.0, 1.02, 40))).length.agreed
+    assert sizes_of(frames([1.0, 1.01])).length.agreed
+    assert not sizes_of(frames([1.0, 1.1])).length.agreed

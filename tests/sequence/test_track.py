@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from moving import LENGTH, MOTIONS, RADIUS, recorded
 
-from dlogen.sequence.track import directions, misfits
+from dlogen.sequence.track import directions, misfits, unclear_directions
 from dlogen.synthetic import random_centre_line
 
 Array = np.ndarray
@@ -126,3 +126,29 @@ def test_where_and_how_it_lies_does_not_matter() -> None:
             again, still = again[::-1], still[::-1]
         assert np.array_equal(kept, still)
         assert wrong_ways(reverse, again, kept) == 0
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_directions_are_clear_in_a_whole_recording(name: str) -> None:
+    curves, times = curves_of(name, 3)
+    assert unclear_directions(curves, times).tolist() == []
+    # One end and the other are told apart by the middle of the recording alone.
+    curves[30:] = curves[30:, ::-1]
+    assert 30 in unclear_directions(curves, times)
+
+
+def test_what_moves_too_far_is_not_clear() -> None:
+    """A rod that turns by about half a turn from one frame to the next."""
+    for turn, unclear in ((0.2, []), (0.45, [1, 2, 3])):
+        angle = np.pi * turn * np.arange(4)
+        axis = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+        curves = (PLACES - 0.5)[None, :, None] * axis[:, None]
+        assert unclear_directions(curves, np.arange(4.0)).tolist() == unclear, turn
+
+
+def test_directions_of_few_frames() -> None:
+    curves = np.stack([PLACES, 0 * PLACES, 0 * PLACES], axis=1)[None] + np.zeros((2, 1, 1))
+    assert unclear_directions(curves[:1], np.zeros(1)).tolist() == []
+    assert unclear_directions(curves, np.arange(2.0)).tolist() == []
+    aside = np.stack([curves[0], np.stack([0.5 + 0 * PLACES, PLACES - 0.5, 0 * PLACES], axis=1)])
+    assert unclear_directions(aside, np.arange(2.0)).tolist() == [1]

@@ -215,7 +215,8 @@ def _refined_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock:
         skeleton, radius = fitted.skeleton, fitted.radius
         settings.update(r=radius, N=skeleton.basis.size)
 
-    unused = [key for key in _PAPER_ONLY if _setting(config, key) != _setting(Config(), key)]
+    default = Config()
+    unused = [key for key in _PAPER_ONLY if _setting(config, key) != _setting(default, key)]
     s, residual = fitted.s, fitted.residuals
     on_tube = fitted.inliers
     along = np.flatnonzero(on_tube)[np.argsort(s[on_tube], kind="stable")]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -49,6 +49,7 @@ def find_items(
     own_configs: bool = True,
     stdin: BinaryIO | None = None,
     outputs: FileNames | None = None,
+    warn: Callable[[str], None] | None = None,
 ) -> list[Item]:
     """The clouds that the inputs of a batch stand for: in their order, those of a folder sorted.
 
@@ -64,6 +65,7 @@ def find_items(
         own_configs: take `x.yaml` or `x.yml` beside `x.ply` for that cloud's configuration.
         stdin: where "-" is read from; default sys.stdin.
         outputs: stem -> names of the files that are written for it; default those that `dlogen fit` writes.
+        warn: is told of clouds that are left out, because they are among results.
 
     Raises:
         UsageError: something named does not exist or holds no cloud, a list is wrong, or results would overwrite one
@@ -76,6 +78,9 @@ def find_items(
         outputs = Outputs().files
     finder = _Finder(out, root, own_configs, stdin, several=sum(map(os.path.isdir, inputs)) > 1)
     found = without_repeats([item for text in inputs for item in finder.find(text)])
+    if warn is not None:
+        for folder in finder.left_out(found):
+            warn(_said_of_left_out(folder))
     if not found:
         raise UsageError("there are no clouds to work on", "name files or folders of clouds")
     items = with_unique_keys(found, outputs)
@@ -88,16 +93,21 @@ def find_items(
     return [item for i, item in enumerate(items) if i not in lost]
 
 
+def _said_of_left_out(folder: str) -> str:
+    return f"the clouds in {shown(folder)} are left out: it is a folder of results; to take them, name it"
+
+
 class _Finder:
     """Makes items of inputs. Their keys are not yet checked against one another."""
 
     def __init__(
         self, out: Path | None, root: str | None, own_configs: bool, stdin: BinaryIO | None, several: bool
     ) -> None:
-        from dlogen.formats import cloud_formats
+        from dlogen.formats import cloud_formats, model_formats
 
         endings = tuple(suffix for item in cloud_formats() for suffix in item.suffixes)
-        self._search = Search(endings, None if out is None else str(out))
+        results = tuple(name for item in model_formats() for name in item.files("") if name.endswith(endings))
+        self._search = Search(endings, results, None if out is None else str(out))
         self._expected = " or ".join(endings)
         self._root = root
         self._below_root: dict[str, str] = {}
@@ -107,6 +117,15 @@ class _Finder:
         self._several = several
         if root is not None and not os.path.isdir(root):
             raise UsageError(f"there is no folder {shown(root)}", nearest(root) or "--root takes a folder")
+
+    def left_out(self, found: Sequence[Item]) -> list[str]:
+        """Folders of results that hold clouds of which none was found, because they were not searched."""
+        folders = list(dict.fromkeys(map(os.path.normpath, self._search.left_out)))
+        clouds = [os.path.normpath(item.cloud) for item in found] if folders else []
+        return [folder for folder in folders if not any(cloud.startswith(folder + os.sep) for cloud in clouds)]
+
+    def _said_of_left_out(self) -> str:
+        return next(map(_said_of_left_out, self.left_out([])), "")
 
     def find(self, text: str) -> Iterator[Item]:
         """The clouds of one input."""
@@ -135,7 +154,8 @@ class _Finder:
             yield item
         # Shells expand captures/* to all that is in it, also to the results of earlier runs.
         if empty and not self._search.is_results(path):
-            raise UsageError(f"there is no cloud in {shown(path)}", f"names of clouds end in {self._expected}")
+            hint = f"names of clouds end in {self._expected}"
+            raise UsageError(f"there is no cloud in {shown(path)}", self._said_of_left_out() or hint)
 
     def _glob(self, pattern: str) -> Iterator[Item]:
         """Of what matches the pattern, folders and what ends like a cloud."""
@@ -157,7 +177,7 @@ class _Finder:
                 yield item
         if empty:
             hint = f"names of clouds end in {self._expected}: give others in a list" if others else "check the pattern"
-            raise UsageError(f"no cloud matches {shown(pattern)}", hint)
+            raise UsageError(f"no cloud matches {shown(pattern)}", self._said_of_left_out() or hint)
 
     def _list(self, path: str) -> Iterator[Item]:
         name = shown(path)

@@ -78,11 +78,17 @@ class Search:
 
     Args:
         endings: what the names of clouds end with, in small letters.
+        results: endings of results that look like clouds.
         out: the folder for the results: it is left out, and so are results of other batches.
+
+    Attributes:
+        left_out: folders of results that were left out although there are clouds in them.
     """
 
-    def __init__(self, endings: tuple[str, ...], out: str | None) -> None:
+    def __init__(self, endings: tuple[str, ...], results: tuple[str, ...], out: str | None) -> None:
         self.endings = endings
+        self.left_out: list[str] = []
+        self._results = results
         self._out = None if out is None else identity(out)
 
     def is_cloud(self, path: str) -> bool:
@@ -106,11 +112,15 @@ class Search:
         while folders or links:
             below, path = folders.pop() if folders else heapq.heappop(links)
             this = identity(path or os.curdir)
-            if below and this is not None and (this in seen or this == self._out):
+            if below and this is not None and this in seen:
                 continue
             seen.add(this)
+            if below and this is not None and this == self._out:
+                self._leave_out(path)
+                continue
             folder = self._list(path, below)
             if below and folder.results:
+                self._leave_out(path)
                 continue
             found.append(folder)
             folders += [((*below, name), os.path.join(path, name)) for name in folder.folders]
@@ -163,9 +173,20 @@ class Search:
                 name = entry.name
                 if fnmatchcase(name, part) and (part.startswith(".") or not name.startswith(".")):
                     is_folder = _is_folder(entry)
-                    if not (is_folder and self.is_results(entry.path)):
+                    if is_folder and self.is_results(entry.path):
+                        self._leave_out(entry.path)
+                    else:
                         found.append((name, is_folder))
         return sorted(found)
+
+    def _leave_out(self, path: str) -> None:
+        """Remember a folder of results if clouds are lost with it."""
+        if path in self.left_out:
+            return
+        for _, _, names in os.walk(path):
+            if any(self.is_cloud(name) and not name.lower().endswith(self._results) for name in names):
+                self.left_out.append(path)
+                return
 
     def _list(self, path: str, below: Parts) -> Folder:
         folder = Folder(path, below)

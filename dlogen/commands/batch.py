@@ -93,7 +93,7 @@ def command(
     # What is wrong for all clouds is said once.
     common = load_config(None, overrides, base=config)
     out = Path(folder)
-    items = find_items(inputs, out=out, root=root, own_configs=own_configs, outputs=outputs.files)
+    items = find_items(inputs, out=out, root=root, own_configs=own_configs, outputs=outputs.files, warn=console.warning)
     if one_model:
         # What an earlier run has made is made again.
         refuse_existing([out / "one_model"], force or (out / LEDGER).exists())

@@ -106,7 +106,7 @@ def command(
     refuse_existing([out / name for name in expected], force or (fits / LEDGER).exists())
 
     outputs = Outputs(("json",))
-    items = find_items(inputs, out=fits, own_configs=False, outputs=outputs.files)
+    items = find_items(inputs, out=fits, own_configs=False, outputs=outputs.files, warn=console.warning)
     times = frame_times([item.key for item in items], [item.time for item in items], rate)
     items = [items[k] for k in times.order]
     if times.assumed and len(items) > 1:

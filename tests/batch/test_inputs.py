@@ -116,6 +116,25 @@ def test_the_output_folder_and_other_results_are_not_searched(make: Make) -> Non
     assert keys("c/old") == ["run/z"]
 
 
+def test_clouds_among_results_are_not_left_out_in_silence(make: Make) -> None:
+    def warned(*inputs: str, out: str = "new") -> list[str]:
+        said: list[str] = []
+        find_items(inputs, out=Path(out), warn=said.append)
+        return [text.split(" are left out")[0] for text in said]
+
+    # Results beside their clouds, results only, and a folder for results that has clouds in it.
+    make("c/day1/dlogen.sqlite", "c/day1/a/x.ply", "c/day1/a/x.json", "c/old/dlogen.sqlite", "c/old/x.tube.ply")
+    make("c/day2/y.ply", "c/out/z.pcd")
+    said = "the clouds in c/day1"
+    assert warned("c") == warned("c/*/*.ply") == warned("c/**/*.ply") == warned("c", "c") == [said]
+    assert warned("c", out="c/out") == [said, "the clouds in c/out"]
+    assert warned("c", "c/day1") == warned("c/day1", "c") == warned("c/day1") == warned("c/day2") == []
+    Path("c/day2/y.ply").unlink()
+    Path("c/out/z.pcd").unlink()
+    for text in ("c", "c/*", "c/**/*.ply"):
+        assert "the clouds in c/day1 are left out" in str(refusal(text).hint)
+
+
 def test_results_among_what_a_shell_expands_are_no_mistake(make: Make) -> None:
     make("c/x.ply", "c/out/x.urdf", "c/old/dlogen.sqlite")
     assert clouds("c/old", "c/out", "c/x.ply", out=Path("c/out")) == ["c/x.ply"]

@@ -25,6 +25,8 @@ _CLOSE, _LEAST = 1e-3, 1e-8
 _LEAST_STEP = 0.02
 #: Steps of that search at most.
 _MOST_STEPS = 20_000
+#: Places that are worked on at a time: they stay in the processor's cache.
+_AT_ONCE = 1 << 14
 
 
 class CurveTable:
@@ -272,10 +274,17 @@ def deviations(table: CurveTable, u: Array, joints: Array, places: int = 7) -> D
     """
     low, span = u[..., :-1], np.diff(u)
     start, axis = joints[..., :-1], np.diff(joints, axis=-1)
-    inverse = 1.0 / np.maximum(dot(axis, axis), 1e-300)
+    squared_length = np.maximum(dot(axis, axis), 1e-300)
+    inverse = 1.0 / squared_length
     # The places come before the pieces, so that what belongs to the pieces spreads over them.
     grid = np.linspace(0.0, 1.0, places + 2).reshape(-1, *[1] * low.ndim)
-    squares = _squared(table, low + grid * span, start, axis, inverse)
+    some = max(1, _AT_ONCE // low.size)
+    squares = np.concatenate(
+        [
+            _squared(table, low + grid[k : k + some] * span, start, axis, squared_length)
+            for k in range(0, len(grid), some)
+        ]
+    )
     best = np.argmax(squares[1:-1], axis=0)[None] + 1
     left, top, right = (np.take_along_axis(squares, best + i, axis=0)[0] for i in (-1, 0, 1))
     width = span / (places + 1.0)
@@ -288,7 +297,7 @@ def deviations(table: CurveTable, u: Array, joints: Array, places: int = 7) -> D
     offset -= np.clip(dot(offset, axis) * inverse, 0.0, 1.0) * axis
     slope = 2.0 * table.step * dot(offset, tangent)
     peak = np.clip(peak - np.clip(slope * width / bend, -0.5, 0.5) * width, low, low + span)
-    peak = np.where(_squared(table, peak, start, axis, inverse) > top, peak, middle)
+    peak = np.where(_squared(table, peak, start, axis, squared_length) > top, peak, middle)
 
     offset = table(peak) - start
     along = dot(offset, axis) * inverse
@@ -298,10 +307,18 @@ def deviations(table: CurveTable, u: Array, joints: Array, places: int = 7) -> D
     return Deviations(np.sqrt(height**2 + beyond), peak, height, offset / np.maximum(height, 1e-300), along)
 
 
-def _squared(table: CurveTable, u: Array, start: Array, axis: Array, inverse: Array) -> Array:
+def _squared(table: CurveTable, u: Array, start: Array, axis: Array, squared_length: Array) -> Array:
     """Squared distances of places on the line, (P, ...) or (...,), to segments, (...,)."""
-    if u.ndim > inverse.ndim:
+    if u.ndim > squared_length.ndim:
         start, axis = start[:, None], axis[:, None]
-    offset = table(u) - start
-    offset -= np.clip(dot(offset, np.broadcast_to(axis, offset.shape)) * inverse, 0.0, 1.0) * axis
-    return dot(offset, offset)
+    offset = table(u)
+    offset -= start
+    along = dot(offset, np.broadcast_to(axis, offset.shape))
+    t = np.minimum(np.maximum(along / squared_length, 0.0), 1.0)
+    # |offset - t axis|^2
+    along *= 2.0
+    along -= t * squared_length
+    along *= t
+    squares = dot(offset, offset)
+    squares -= along
+    return squares

@@ -79,6 +79,8 @@ class Batch:
         self.settings = settings or Settings()
         #: Key -> formats of which there are files that batches made; of the clouds that are to be done.
         self._made: dict[str, str] = {}
+        #: Key -> what settings and cloud were when files were made of which some are not wanted now.
+        self._before: dict[str, tuple[str, str | None]] = {}
         # There may be a million records: one is looked at after the other.
         place = {shown(item.key): k for k, item in enumerate(items)}
         keep = bytearray(len(items))
@@ -94,6 +96,8 @@ class Batch:
                 keep[k] = True
             elif row.formats:
                 self._made[row.key] = row.formats
+                if self._with_wanted(row.formats) != self._with_wanted(""):
+                    self._before[row.key] = _made_of(row)
         for row in touched:
             ledger.write(row)
         self._remove_unfinished(items, unfinished)
@@ -184,6 +188,13 @@ class Batch:
             row.formats = ""
             return self._failed(row, failure)
         row.status, row.verdict = "done", outcome.verdict
+        if row.key in self._before and self._before[row.key] != _made_of(row):
+            # They would pass as well.
+            made = self._made[row.key].split()
+            stale = Outputs.of(name for name in made if name not in self.plan.outputs.names)
+            kept = set(paths_of(self.folder, outcome.key, self.plan.outputs))
+            _remove([path for path in paths_of(self.folder, outcome.key, stale) if path not in kept])
+            row.formats = ""
         row.formats = self._with_wanted(row.formats)
         row.findings, row.figures = " ".join(outcome.findings), dict(outcome.figures)
         row.timings = json.dumps({stage: round(seconds, 6) for stage, seconds in outcome.timings.items()})
@@ -239,6 +250,11 @@ class Batch:
 def shown(text: str) -> str:
     """A file name as Unicode: names need not be, the records are."""
     return text if text.isascii() else text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
+def _made_of(row: Row) -> tuple[str, str | None]:
+    """Settings and version, and the cloud's bytes: when these are the same, so are files of all formats."""
+    return (row.digest or "").partition(" ")[0], row.sha256
 
 
 def _remove(paths: list[Path]) -> None:

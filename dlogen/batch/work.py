@@ -40,13 +40,13 @@ class Plan:
 
     @cached_property
     def _common_digest(self) -> str:
-        said = [__version__, self.config.to_dict(), self.overrides, self.outputs.formats, self.outputs.plot]
+        said = [__version__, self.config.to_dict(), self.overrides]
         return hashlib.sha256(json.dumps(said).encode()).hexdigest()
 
     def digest(self, task: Task) -> str:
-        """SHA-256 of all that decides on the results but the cloud itself: settings, wanted files, version."""
+        """All that decides on the results but the cloud: SHA-256 of settings and version, and the wanted files."""
         said = [self._common_digest, task.config_text, task.overrides]
-        return hashlib.sha256(json.dumps(said).encode()).hexdigest()
+        return f"{hashlib.sha256(json.dumps(said).encode()).hexdigest()} {','.join(self.outputs.names)}"
 
 
 @dataclass(frozen=True)

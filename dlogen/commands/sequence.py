@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
     from dlogen.batch.ledger import Row
     from dlogen.config import Config
+    from dlogen.sequence.assemble import Assembled
     from dlogen.sequence.motion import Motion
 
 _EXAMPLES = """Examples:
@@ -90,7 +92,7 @@ def command(
     from dlogen.batch.run import Batch, Settings
     from dlogen.batch.work import Plan
     from dlogen.errors import FitError
-    from dlogen.files import refuse_existing, write_all
+    from dlogen.files import refuse_existing
     from dlogen.formats import model_format
     from dlogen.outputs import Outputs
     from dlogen.sequence.names import MODEL, file_names
@@ -138,7 +140,7 @@ def command(
             smooth=smooth,
             plot=plot,
         )
-    write_all({out / name: data for name, data in made.contents.items()})
+    _write(made, out, in_time=True)
 
     tell(made.motion, console)
     console.info("wrote " + ", ".join(dict.fromkeys(str(out / Path(name).parts[0]) for name in made.contents)))
@@ -217,14 +219,31 @@ def write_one_model(
     Raises:
         DlogenError: there is none, or it cannot be written.
     """
-    from dlogen.files import write_all
     from dlogen.sequence.assemble import assemble
 
     made = assemble(keys, rows, folder, _floating(config).replace({"joints.zero": "straight"}), formats, plot=plot)
     out = folder / "one_model"
-    write_all({out / name: data for name, data in made.contents.items()})
+    _write(made, out, in_time=False)
     tell(made.motion, console)
     console.info("wrote " + ", ".join(dict.fromkeys(str(out / Path(name).parts[0]) for name in made.contents)))
+
+
+def _write(made: Assembled, out: Path, *, in_time: bool) -> None:
+    """Write all files. Models and picture of an earlier run that had another outcome are removed.
+
+    Beside the new files they would pass for what they are not.
+    """
+    from dlogen.files import write_all
+    from dlogen.formats import model_formats
+    from dlogen.sequence.names import MODEL, file_names
+
+    *_, report, picture = file_names(in_time, plot=True)
+    others = {name for item in model_formats() for name in item.files(MODEL)} | {picture}
+    changed = (out / report).is_file() and (out / report).read_bytes() != made.contents[report]
+    write_all({out / name: data for name, data in made.contents.items()})
+    for name in others - made.contents.keys() if changed else ():
+        with contextlib.suppress(OSError):
+            (out / name).unlink()
 
 
 def tell(motion: Motion, console: Console) -> None:

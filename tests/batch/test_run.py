@@ -163,6 +163,24 @@ def test_a_cloud_that_fails_now_has_no_model_any_more(folder: Path, plan: Plan) 
     assert {"b.json", "b.urdf", "b.report.json"} <= set(outputs(plan))
 
 
+def test_what_other_settings_have_made_does_not_stay_beside_the_results(folder: Path, plan: Plan) -> None:
+    both = replace(plan, outputs=Outputs(("json", "urdf"), plot=True))
+    run(folder, both)
+    # Fewer formats of the same are added to what is there.
+    run(folder, plan)
+    run(folder, replace(plan, outputs=Outputs(("csv",))))
+    everything = {"a.json", "a.urdf", "a.png", "a.skeleton.csv", "a.report.json"}
+    assert {name for name in outputs(plan) if name.startswith("a.")} == everything
+    # Formats of another cloud, or other settings, are not.
+    (folder / "a.ply").write_bytes((folder / "a.ply").read_bytes() + b"x")
+    assert set(run(folder, plan)) == {"a", "b", "c"}
+    assert {name for name in outputs(plan) if name[0] == "a"} == {"a.json", "a.report.json"}
+    assert {name for name in outputs(plan) if name[0] == "b"} == {name.replace("a", "b", 1) for name in everything}
+    run(folder, replace(plan, overrides=("e_max=0.004",)))
+    assert {name for name in outputs(plan) if name[0] == "b"} == {"b.json", "b.report.json"}
+    assert run(folder, replace(plan, overrides=("e_max=0.004",))) == {}
+
+
 def test_files_that_no_batch_made_are_left_alone(folder: Path, plan: Plan) -> None:
     assert plan.folder is not None
     out = Path(plan.folder)

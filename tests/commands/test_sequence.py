@@ -193,7 +193,10 @@ def test_other_options(done, recording) -> None:
     # Without its verdict it still has the wrong noise or radius.
     assert said["frames"][46]["reason"]["code"] in ("noise", "radius", "length")
     assert said["common"]["max_deviation"] <= 0.004
-    assert (out / "model.sdf").exists()
+    # Those of another model would pass for this one.
+    assert {path.name for path in out.glob("model.*")} == {"model.sdf"} and not (out / "sequence.png").exists()
+    run(recording, "-o", out, *settings, "--keep-doubtful", "--smooth", "--format", "srdf", "-q")
+    assert {path.name for path in out.glob("model.*")} == {"model.sdf", "model.srdf"}
     # Settings of the model make no fit anew.
     assert {path: path.stat().st_mtime_ns for path in fitted} == fitted
 

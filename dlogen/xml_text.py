@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import html
 import re
 from collections.abc import Iterable
 from functools import lru_cache
 
 #: Characters that XML 1.0 cannot hold, not even escaped: control characters, and what file names that are no Unicode
 #: turn into.
-_FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_FORBIDDEN = "[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
+_ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "'": "&#x27;"})
 
 HEADER = '<?xml version="1.0" encoding="utf-8"?>'
 
@@ -54,4 +54,7 @@ def _quoted(value: str | float | Iterable[float]) -> str:
 # Names of links and joints come several times each.
 @lru_cache(maxsize=4096)
 def _escaped(text: str) -> str:
-    return '"' + html.escape(_FORBIDDEN.sub("\ufffd", text)) + '"'
+    if not text.isprintable():
+        # The expression takes milliseconds to compile; what is printable has none of these characters.
+        text = re.sub(_FORBIDDEN, "\ufffd", text)
+    return f'"{text.translate(_ESCAPES)}"'

@@ -48,6 +48,15 @@ class Command(click.Command):
             Console().error("interrupted")
             # As shells have it: 128 and the number of the signal.
             ctx.exit(130)
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            # Of files, `DlogenError`s are made where they are opened: this is standard output.
+            if debug:
+                raise
+            what = "cannot print" if error.filename is None else str(error.filename)
+            Console().error(f"{what}: {error.strerror or error}", "is there space where standard output leads to?")
+            ctx.exit(1)
         except MemoryError:
             if debug:
                 raise
@@ -115,4 +124,15 @@ def main() -> NoReturn:
         # The reader of our stdout went away (`dlogen ... | head`): not an error of ours.
         sys.stderr.close()
         sys.exit(0)
+    except SystemExit:
+        _let_go_of_stdout()
+        raise
     sys.exit(0)
+
+
+def _let_go_of_stdout() -> None:
+    """What could not be printed cannot be when Python ends either: it would make a traceback, and its own exit code."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

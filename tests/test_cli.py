@@ -149,3 +149,17 @@ def test_shell_completion(shell: str) -> None:
     script = Path(sys.executable).with_name("dlogen")
     done = subprocess.run([str(script)], env=environment, capture_output=True, text=True, check=False)
     assert "_DLOGEN_COMPLETE" in done.stdout
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is full")
+@pytest.mark.parametrize("buffered", [False, True])
+def test_output_that_cannot_be_printed(buffered: bool) -> None:
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    if not buffered:
+        environment["PYTHONUNBUFFERED"] = "1"
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "dlogen", "formats"]
+        result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, env=environment)
+    assert result.returncode == 1
+    assert result.stderr.startswith("error: cannot print: No space left on device\nhint: ")
+    assert "Traceback" not in result.stderr and "ignored" not in result.stderr

@@ -5,6 +5,7 @@ The parent is told by end of file, on either side: a worker whose parent is gone
 
 from __future__ import annotations
 
+import gc
 import importlib
 import math
 import os
@@ -44,6 +45,8 @@ def main() -> None:
     threading.Thread(target=_listen, args=(inbox, tasks), daemon=True).start()
     if memory is not None:
         limit_memory(memory)
+    # What is there now stays: garbage collections that pass it over make a fit 5 % faster.
+    gc.freeze()
     _answer(outbox, "ready")
     while True:
         _answer(outbox, work(plan, tasks.get()))

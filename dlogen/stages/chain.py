@@ -54,7 +54,12 @@ def minimal_rotation_frames(tangents: Array) -> Array:
     halfway = np.where(turned, (x0 + x) / np.where(turned, 1.0 + cosine, 1.0), 0.0)
     # One after another, with plain numbers: for three of them an array takes ten times as long.
     across = [y.tolist()]
-    for (ax, ay, az), (bx, by, bz) in zip(x.tolist(), halfway.tolist(), strict=True):
+    still = (x0 == x).all(axis=1).tolist()
+    for (ax, ay, az), (bx, by, bz), unturned in zip(x.tolist(), halfway.tolist(), still, strict=True):
+        if unturned:
+            # The same frame, to the last bit.
+            across.append(across[-1])
+            continue
         px, py, pz = across[-1]
         shift = ax * px + ay * py + az * pz
         px, py, pz = px - shift * bx, py - shift * by, pz - shift * bz

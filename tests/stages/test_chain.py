@@ -129,7 +129,7 @@ def test_sharp_bends(bend: float) -> None:
     assert np.einsum("kij,kil->kjl", frames, frames) == pytest.approx(np.tile(np.eye(3), (3, 1, 1)), abs=1e-12)
     assert np.linalg.det(frames) == pytest.approx(np.ones(3))
     assert np.abs(frames[:, 2, 2]) == pytest.approx(np.ones(3), abs=1e-6)
-    assert frames[1] == pytest.approx(frames[2], abs=1e-15)
+    assert np.array_equal(frames[1], frames[2])
 
 
 def by_brute_force(line, joints: Joints) -> float:

@@ -143,6 +143,8 @@ def test_loop_that_crosses_itself(separation, side):
     assert _codes(found, "doubtful", "bad") == []
     contacts = find_contacts(found.backbone, found.radius)
     assert len(contacts) == (1 if separation < 0.03 else 0)
+    told = check_contacts(found.backbone, found.backbone, found.radius)
+    assert [item.code for item in told] == ["crossing"] * len(contacts)
     for contact in contacts:
         np.testing.assert_allclose(contact.position, [0.0, cloud.truth.points(9)[:, 1].max() / 2, 0], atol=0.2)
 

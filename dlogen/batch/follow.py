@@ -60,7 +60,9 @@ def follow(
     if batch.kept:
         failed = sum(row.status == "failed" for row in batch.kept)
         before = f", {failed} failed before: --retry does them again" if failed else ""
-        console.info(f"{len(batch.kept) - failed} of {_clouds(total)} are done already{before}")
+        console.info(
+            f"{len(batch.kept) - failed} of {_clouds(total)} {'is' if total == 1 else 'are'} done already{before}"
+        )
     # What else is written to the terminal would mix with a bar.
     bar = console.level == 0 and not (as_json and sys.stdout.isatty())
     try:

@@ -215,5 +215,5 @@ def test_nothing_to_do(setting: Setting, capsys: pytest.CaptureFixture[str], tmp
             follow(batch, Said(*([] if again else [bad("a")])), Console())
         ledger.close()
     said = capsys.readouterr().err
-    assert "0 of 1 cloud are done already, 1 failed before: --retry does them again" in said
+    assert "0 of 1 cloud is done already, 1 failed before: --retry does them again" in said
     assert "1 cloud, nothing to do: 0 done, 1 failed" in said

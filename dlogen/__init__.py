@@ -15,14 +15,14 @@ from dlogen._version import __version__
 # Imported on first use: `dlogen --help` must not pay for numpy.
 _PUBLIC = {
     "fit": "dlogen.pipeline",
-    "Result": "dlogen.model",
-    "Cloud": "dlogen.model",
-    "Config": "dlogen.config",
-    "load_config": "dlogen.config",
-    "read_cloud": "dlogen.clouds",
-    "write_cloud": "dlogen.clouds",
-    "load_curve": "dlogen.curves",
-    "compare": "dlogen.curves",
+    "Result": "dlogen.types",
+    "Cloud": "dlogen.types",
+    "Config": "dlogen.config.schema",
+    "load_config": "dlogen.config.schema",
+    "read_cloud": "dlogen.io.cloud_files",
+    "write_cloud": "dlogen.io.cloud_files",
+    "load_curve": "dlogen.io.curves.curve",
+    "compare": "dlogen.io.curves.curve",
     "DlogenError": "dlogen.errors",
 }
 

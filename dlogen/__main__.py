@@ -1,5 +1,5 @@
 """`python -m dlogen`."""
 
-from dlogen.cli import main
+from dlogen.cli.main import main
 
 main()

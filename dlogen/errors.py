@@ -1,4 +1,4 @@
-"""The errors that dlogen raises. The command line turns them into messages in one place (`dlogen.cli`)."""
+"""The errors that dlogen raises. The command line turns them into messages in one place (`dlogen.cli.main`)."""
 
 from __future__ import annotations
 

@@ -14,15 +14,19 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from dlogen._version import __version__
-from dlogen.arclength import even_parameters
-from dlogen.config import AUTO, Config
+from dlogen.config.schema import AUTO, Config
 from dlogen.errors import ConfigError, DlogenError, FitError
-from dlogen.frames import in_frame, output_frame
-from dlogen.mdtw import mdtw
-from dlogen.model import Array, BoolArray, Cloud, Finding, Intermediate, Quality, Result, Skeleton
-from dlogen.polyline import resample
+from dlogen.geometry.arc_length import even_parameters
+from dlogen.geometry.mdtw import mdtw
+from dlogen.geometry.polyline import resample
+from dlogen.geometry.units import METRES, guess_units
 from dlogen.stages.chain import build_chain
-from dlogen.stages.checks import (
+from dlogen.stages.output_frame import in_frame, output_frame
+from dlogen.stages.paper.normals import choose_neighbours, estimate_normals, orient_normals
+from dlogen.stages.paper.projection import project
+from dlogen.stages.paper.skeleton import choose_beta, fit_skeleton, paper_basis
+from dlogen.stages.paper.sorting import default_start, sort_points
+from dlogen.stages.quality.checks import (
     check_bends,
     check_cross_section,
     check_deviation,
@@ -35,19 +39,15 @@ from dlogen.stages.checks import (
     far_away,
     on_surface,
 )
-from dlogen.stages.curvature import max_curvature
-from dlogen.stages.normals import choose_neighbours, estimate_normals, orient_normals
-from dlogen.stages.projection import project
-from dlogen.stages.residual import foot_points, tube_residual
+from dlogen.stages.quality.residual import foot_points, tube_residual
 from dlogen.stages.scale import estimate_scale, thinned
-from dlogen.stages.segmentation import Wish, segment
-from dlogen.stages.skeleton import choose_beta, fit_skeleton, paper_basis
-from dlogen.stages.sorting import default_start, sort_points
-from dlogen.units import METRES, guess_units
+from dlogen.stages.segmentation.curvature import max_curvature
+from dlogen.stages.segmentation.segment import Wish, segment
+from dlogen.types import Array, BoolArray, Cloud, Finding, Intermediate, Quality, Result, Skeleton
 
 if TYPE_CHECKING:
-    from dlogen.stages.ordering import Ordering
-    from dlogen.stages.refine import Refined
+    from dlogen.stages.refined.ordering import Ordering
+    from dlogen.stages.refined.refine import Refined
 
 #: Points of the skeleton line in the outputs.
 SKELETON_POINTS = 1000
@@ -193,10 +193,10 @@ class _Line:
 def _refined_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock: _Clock) -> _Line:
     """The skeleton line by a robust fit of the tube's surface, from an order that survives real captures."""
     # Imported here: the paper's profile need not wait for them.
-    from dlogen.stages.contacts import check_contacts
-    from dlogen.stages.cut_ends import cut_ends
-    from dlogen.stages.ordering import order
-    from dlogen.stages.refine import refine
+    from dlogen.stages.quality.contacts import check_contacts
+    from dlogen.stages.quality.cut_ends import cut_ends
+    from dlogen.stages.refined.ordering import order
+    from dlogen.stages.refined.refine import refine
 
     points = cloud.points
     given = None if config.r == AUTO else config.r
@@ -455,7 +455,7 @@ def search_radius(points: Array, radius: float) -> float:
 
 def _cloud_of(points: npt.ArrayLike) -> Cloud:
     """A clean cloud from an array."""
-    from dlogen.clouds import clean
+    from dlogen.io.cloud_files import clean
 
     return clean(points)
 

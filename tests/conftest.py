@@ -9,20 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dlogen.arclength import arc_length, even_parameters
-from dlogen.basis import Basis, CubicBSpline
-from dlogen.config import Config
-from dlogen.mdtw import mdtw
-from dlogen.model import Intermediate, Quality, Result, Segmentation, Skeleton
-from dlogen.polyline import resample
+from dlogen.config.schema import Config
+from dlogen.evaluation.synthetic import CentreLine, SyntheticCloud, centre_line, random_centre_line, sample_tube
+from dlogen.geometry.arc_length import arc_length, even_parameters
+from dlogen.geometry.basis import Basis, CubicBSpline
+from dlogen.geometry.mdtw import mdtw
+from dlogen.geometry.polyline import resample
 from dlogen.stages.chain import build_chain, deviation
-from dlogen.stages.curvature import max_curvature, max_segment_length
-from dlogen.stages.joints import place_joints
-from dlogen.stages.projection import project
-from dlogen.stages.residual import foot_points, tube_residual
-from dlogen.stages.skeleton import fit_skeleton
-from dlogen.stages.sorting import sort_points
-from dlogen.synthetic import CentreLine, SyntheticCloud, centre_line, random_centre_line, sample_tube
+from dlogen.stages.paper.projection import project
+from dlogen.stages.paper.skeleton import fit_skeleton
+from dlogen.stages.paper.sorting import sort_points
+from dlogen.stages.quality.residual import foot_points, tube_residual
+from dlogen.stages.segmentation.curvature import max_curvature, max_segment_length
+from dlogen.stages.segmentation.joints import place_joints
+from dlogen.types import Intermediate, Quality, Result, Segmentation, Skeleton
 
 Array = np.ndarray
 Curve = Callable[[Array, int], Array]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlogen.sequence.observed import Observed
-from dlogen.synthetic import CentreLine
+from dlogen.evaluation.synthetic import CentreLine
+from dlogen.sequence.outliers import Observed
 
 Array = np.ndarray
 #: (s (K,), t) -> angles a, b of the tangent (cos a cos b, sin a cos b, sin b).

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import dlogen
-from dlogen.synthetic import centre_line, sample_tube
+from dlogen.evaluation.synthetic import centre_line, sample_tube
 
 
 def tube(name: str = "straight", count: int = 2000, seed: int = 3) -> np.ndarray:

@@ -7,7 +7,7 @@ import pytest
 
 import dlogen
 from dlogen.errors import FitError
-from dlogen.synthetic import from_points, random_centre_line, sample_tube
+from dlogen.evaluation.synthetic import from_points, random_centre_line, sample_tube
 
 
 def codes(result) -> dict[str, str]:

@@ -10,11 +10,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from places import ROOT
 
-from dlogen.clouds import write_cloud
-from dlogen.synthetic import SyntheticCloud
+from dlogen.evaluation.synthetic import SyntheticCloud
+from dlogen.io.cloud_files import write_cloud
 
-README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+README = (ROOT / "README.md").read_text(encoding="utf-8")
 DATASETS = README[README.index("\n## Datasets\n") :].split("\n## ")[1]
 
 

@@ -10,7 +10,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import NamedTuple
 
-from dlogen.batch import ledger
+from dlogen.batch import store
 from dlogen.batch.paths import identity
 
 #: Endings of the configuration beside a cloud.
@@ -98,7 +98,7 @@ class Search:
     def is_results(self, folder: str) -> bool:
         """Whether it is the folder for the results, or holds those of another batch."""
         is_out = self._out is not None and identity(folder) == self._out
-        return is_out or os.path.lexists(os.path.join(folder, ledger.NAME))
+        return is_out or os.path.lexists(os.path.join(folder, store.NAME))
 
     def walk(self, top: str) -> list[Folder]:
         """A folder ("" is the current one) and those below it, sorted; each of them once.
@@ -202,7 +202,7 @@ class Search:
                         folder.clouds.append(name)
                     elif name.endswith(CONFIG_ENDINGS):
                         folder.configs.add(name)
-                    elif name == ledger.NAME:
+                    elif name == store.NAME:
                         folder.results = True
         except OSError as error:
             return Folder(path, below, error=error)

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from dlogen._version import __version__
-from dlogen.batch.figures import FIGURES
-from dlogen.batch.ledger import Ledger, Row
-from dlogen.console import dump_json
-from dlogen.files import write_with
+from dlogen.batch.metrics import FIGURES
+from dlogen.batch.store import Ledger, Row
+from dlogen.cli.console import dump_json
+from dlogen.io.atomic import write_with
 
 CSV_NAME, JSON_NAME = "summary.csv", "summary.json"
 

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from dlogen.batch.ledger import Row
-from dlogen.config import AUTO, Config
-from dlogen.sequence.common import common_model
-from dlogen.sequence.files import contents, observed_of, result_of, sequence_dict
-from dlogen.sequence.motion import Motion, motion_of
-from dlogen.sequence.names import MODEL, file_names
-from dlogen.sequence.times import Times
+from dlogen.batch.store import Row
+from dlogen.config.schema import AUTO, Config
+from dlogen.sequence.export import contents, observed_of, result_of, sequence_dict
+from dlogen.sequence.file_names import MODEL, file_names
+from dlogen.sequence.shared_model import common_model
+from dlogen.sequence.timestamps import Times
+from dlogen.sequence.trajectory import Motion, motion_of
 
 
 @dataclass(frozen=True, eq=False)

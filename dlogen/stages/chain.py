@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from dlogen.model import Array, Chain, Joints, Skeleton
+from dlogen.types import Array, Chain, Joints, Skeleton
 
 
 def build_chain(joints: Joints, radius: float) -> Chain:

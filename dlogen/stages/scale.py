@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dlogen.errors import FitError
-from dlogen.model import Array, BoolArray, IntArray
-from dlogen.stages.symmetric import eigenvalues, smallest_axes
+from dlogen.geometry.eigen3 import eigenvalues, smallest_axes
+from dlogen.types import Array, BoolArray, IntArray
 
 #: Size of the subset that is looked at.
 _SAMPLE = 4000

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dlogen.batch.inputs import Item, find_items
+from dlogen.batch.discover import Item, find_items
 from dlogen.batch.lists import read_table
-from dlogen.config import load_config
+from dlogen.config.schema import load_config
 from dlogen.errors import DlogenError, InputError, UsageError
 
 

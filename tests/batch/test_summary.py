@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from dlogen.batch.figures import FIGURES
-from dlogen.batch.ledger import Ledger, Row
+from dlogen.batch.metrics import FIGURES
+from dlogen.batch.store import Ledger, Row
 from dlogen.batch.summary import Causes, write_summary
 from dlogen.errors import UsageError
 

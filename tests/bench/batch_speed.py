@@ -24,8 +24,8 @@ from pathlib import Path
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import dlogen
-from dlogen.clouds import write_cloud
-from dlogen.synthetic import random_centre_line, sample_tube
+from dlogen.evaluation.synthetic import random_centre_line, sample_tube
+from dlogen.io.cloud_files import write_cloud
 
 #: Settings with which a small cloud takes little time, so that what the batch adds shows.
 QUICK = ("profile=paper", "segmentation.segments=4", "mdtw.samples=10", "r=0.02", "r_n=0.1", "N=8", "beta=0.01")

@@ -38,10 +38,10 @@ def small(runs: int) -> None:
     import numpy as np
     from scipy.spatial import cKDTree
 
-    from dlogen.stages.ordering import order
-    from dlogen.stages.refine import refine
+    from dlogen.evaluation.synthetic import centre_line, random_centre_line, sample_tube
+    from dlogen.stages.refined.ordering import order
+    from dlogen.stages.refined.refine import refine
     from dlogen.stages.scale import estimate_scale
-    from dlogen.synthetic import centre_line, random_centre_line, sample_tube
 
     cable = random_centre_line(5, clearance=0.03)
     clouds = [

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from dlogen.model import Chain, Joints
+from dlogen.evaluation.synthetic import centre_line, hose_centre_line, random_centre_line
 from dlogen.stages.chain import build_chain, deviation, minimal_rotation_frames
-from dlogen.stages.joints import place_joints
-from dlogen.synthetic import centre_line, hose_centre_line, random_centre_line
+from dlogen.stages.segmentation.joints import place_joints
+from dlogen.types import Chain, Joints
 
 Z = np.array([0.0, 0.0, 1.0])
 

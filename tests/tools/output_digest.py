@@ -14,6 +14,7 @@ import argparse
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -29,7 +30,10 @@ _VOLATILE_KEYS = {"seconds", "timings", "time_total", "started", "finished", "mo
 MODES = (
     ("refined", ()),
     ("paper", ("--profile", "paper", "--set", "e_max=0.01")),
-    ("alternatives", ("--set", "report.alternatives=true", "--set", "material.preset=vacuum-hose", "--set", "joints.dof=3")),
+    (
+        "alternatives",
+        ("--set", "report.alternatives=true", "--set", "material.preset=vacuum-hose", "--set", "joints.dof=3"),
+    ),
     ("minimax", ("--set", "segmentation.placement=minimax", "--set", "joints.zero=straight")),
     ("ros", ("--frame", "optical-to-ros", "--set", "frame.x=1.5", "--set", "joints.base=floating")),
 )
@@ -61,7 +65,9 @@ def make(python_path: Path, out: Path) -> None:
             common = [*units, *quiet, *options, "--dump", "dump", "--format", "all", "-o", "."]
             common += ["--reference", f"../samples/{Path(cloud).stem}.truth.json"] if name != "ros" else []
             common += ["--plot"] if name in ("refined", "paper") else []
-            log.append(run(python_path, ["fit", f"../samples/{cloud}", *common], place, (0, 1) if name == "paper" else (0,)))
+            log.append(
+                run(python_path, ["fit", f"../samples/{cloud}", *common], place, (0, 1) if name == "paper" else (0,))
+            )
         (place / "log.txt").write_text("\n".join(log))
 
     place = out / "batch"
@@ -102,7 +108,8 @@ def make(python_path: Path, out: Path) -> None:
             *((command, "--help") for command in ("extract", "config", "formats")),
         )
     ]
-    (place / "log.txt").write_text("\n".join(texts))
+    # Help that names a module of the package says where it is now.
+    (place / "log.txt").write_text(re.sub(r"\(dlogen\.[a-z_.]+\)", "(a module)", "\n".join(texts)))
     for k, options in enumerate((["helical"], ["random", "--seed", "4", "--noise", "0.001"], ["hose"])):
         run(python_path, ["synth", *options, "-o", f"made_{k}.ply"], place)
 

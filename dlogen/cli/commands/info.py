@@ -1,0 +1,84 @@
+"""`dlogen info`: a look at a cloud before fitting."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from dlogen.cli.console import Console, print_json
+from dlogen.cli.main import Command
+
+_EXAMPLES = """Examples:
+
+\b
+  dlogen info cloud.ply
+  dlogen info scan.pcd --units mm --json | jq .chosen.r
+"""
+
+
+@click.command(cls=Command, epilog=_EXAMPLES)
+@click.argument("cloud", type=click.Path(allow_dash=True))
+@click.option(
+    "--units",
+    type=click.Choice(["auto", "m", "cm", "mm"]),
+    default="auto",
+    show_default=True,
+    help="What the cloud's numbers are; auto guesses.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print as JSON, lengths in metres.")
+def command(cloud: str, units: str, as_json: bool, console: Console) -> None:
+    """Show what is in CLOUD (- for stdin) and which parameters fit it."""
+    from dlogen.inspect import inspect
+    from dlogen.io.cloud_files import read_cloud
+
+    found = inspect(read_cloud(cloud), units)
+    if as_json:
+        print_json(found)
+        return
+    for key, value in _rows(found):
+        click.echo(f"{key:<22} {value}")
+
+
+def _rows(found: dict[str, Any]) -> list[tuple[str, str]]:
+    """What people want to see of it, lengths in the unit that reads well."""
+    dropped, units = found["dropped"], found["units"]
+    rows = [
+        ("format", f"{found['format']} {found['encoding']}"),
+        ("fields", " ".join(found["fields"])),
+        ("points", f"{found['points']} of {found['declared_points']}"),
+        ("dropped", f"{dropped['non_finite']} not finite, {dropped['duplicates']} duplicates"),
+        *([("very far away", f"{found['far_away']} (left out)")] if found["far_away"] else []),
+        ("organised", "no" if found["organised"] is None else "{} x {} pixels".format(*found["organised"])),
+        ("normals stored", "yes" if found["normals"] else "no"),
+        ("viewpoint", "none" if found["viewpoint"] is None else _vector(found["viewpoint"])),
+        ("units", _units(units["used"], units["guess"], units["given"])),
+        ("extent", _vector(found["extent"])),
+        ("from", _vector(found["minimum"])),
+        ("to", _vector(found["maximum"])),
+    ]
+    if found["problem"] is not None:
+        return [*rows, ("cannot be fitted", found["problem"])]
+    scale, chosen = found["scale"], found["chosen"]
+    sure = "" if scale["radius_reliable"] else " (not sure: the cross-sections do not agree on one)"
+    return [
+        *rows,
+        ("spacing", f"{1e3 * scale['spacing']:.3g} mm between nearest points"),
+        ("r", f"{1e3 * chosen['r']:.4g} mm{sure}"),
+        ("r_n", f"{1e3 * chosen['r_n']:.4g} mm"),
+        ("e_max", f"{1e3 * chosen['e_max']:.4g} mm (r / 2)"),
+        ("N", str(chosen["N"])),
+        ("normals.neighbours", str(chosen["normals.neighbours"])),
+    ]
+
+
+def _units(used: str, guess: str, given: bool) -> str:
+    """The units, and what follows from them for a fit."""
+    if used != guess:
+        return f"{used} (looks like {guess})"
+    # A fit takes numbers for metres unless told otherwise.
+    return used if given or used == "m" else f"{used} (a guess; fit with --set units={used})"
+
+
+def _vector(values: list[float]) -> str:
+    return "  ".join(f"{value:.6g}" for value in values) + " m"

@@ -1,0 +1,1 @@
+"""Synthetic clouds with a known truth, and how well the method does on them."""

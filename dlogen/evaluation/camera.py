@@ -1,0 +1,239 @@
+"""A simulated depth camera: what a structured-light sensor sees of a tube on a table.
+
+The Kinect v1 is modelled after Khoshelham and Elberink (2012), "Accuracy and Resolution of Kinect Depth Data for Indoor
+Mapping Applications", Sensors 12(2): depth comes from a disparity in whole steps, 1 / Z = m d' / (f b) + n with
+m / (f b) = 2.85e-3 1/m, so that depths are 2.85e-3 Z^2 apart (1.8 mm at 0.8 m); the disparity has a standard deviation
+of half a step, so that depth has 1.425e-3 Z^2 (0.9 mm at 0.8 m). Depth is given from 0.5 m to 5 m. The focal length is
+585 pixels of a 640 x 480 image. Not modelled: the shadow of the projector beside the object, lens distortion,
+correlation between neighbouring pixels.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlogen.errors import UsageError
+from dlogen.evaluation.synthetic import CentreLine, hose_centre_line
+from dlogen.types import Array, BoolArray, IntArray, RawCloud
+
+#: Spheres along the axis this many radii apart: their union is within 1e-3 radii of a straight tube.
+_SPHERE_SPACING = 0.08
+
+#: Ray-sphere pairs that are worked on at a time.
+_PAIRS = 500_000
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole depth camera; x right, y down, z forward (the optical frame of REP 103).
+
+    Attributes:
+        name: what the user calls it.
+        width, height: of the image, pixels.
+        focal: focal length, pixels.
+        inverse_depth_step: difference of 1 / Z between neighbouring disparities, 1/m; 0 for continuous depth.
+        disparity_std: standard deviation of the disparity, in steps, rounding to whole steps included.
+        grazing: smallest cosine between ray and surface normal that still gives a depth.
+        nearest, farthest: depths that the sensor measures, metres.
+    """
+
+    name: str
+    width: int
+    height: int
+    focal: float
+    inverse_depth_step: float
+    disparity_std: float
+    grazing: float
+    nearest: float
+    farthest: float
+
+    @property
+    def rays(self) -> Array:
+        """(height, width, 3) directions of the pixels with z = 1."""
+        x = (np.arange(self.width) - 0.5 * (self.width - 1)) / self.focal
+        y = (np.arange(self.height) - 0.5 * (self.height - 1)) / self.focal
+        grid = np.meshgrid(x, y)
+        return np.stack([*grid, np.ones_like(grid[0])], axis=-1)
+
+
+KINECT_V1 = Camera("kinect-v1", 640, 480, 585.0, 2.85e-3, 0.5, 0.2, 0.5, 5.0)
+
+CAMERAS = {camera.name: camera for camera in (KINECT_V1,)}
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """A scene seen twice, with and without the object.
+
+    Attributes:
+        scene: organised cloud with the object, NaN where the sensor sees nothing; camera frame, metres.
+        background: the same place without the object, with its own noise.
+        is_object: (width * height,) which pixels of `scene` show the object.
+        line: the true axis in the camera frame.
+        radius: of the object, metres.
+    """
+
+    scene: RawCloud
+    background: RawCloud
+    is_object: BoolArray
+    line: CentreLine
+    radius: float
+
+
+def capture(
+    line: CentreLine, radius: float, rng: np.random.Generator, camera: Camera = KINECT_V1, distance: float = 0.8
+) -> Capture:
+    """Look straight down on a tube that lies on a table.
+
+    Args:
+        line: the axis, z upwards; it is moved so that the tube rests on the table in the middle of the image.
+        radius: of the tube, metres.
+        rng: generator of the sensor's noise.
+        camera: the sensor.
+        distance: from the camera to the table, metres.
+
+    Raises:
+        UsageError: the object does not fit into the image, the sensor does not measure at that distance, or the object
+            is thinner than a pixel.
+    """
+    seen = _before_camera(line, radius, distance)
+    _refuse_bad_view(seen, radius, camera, distance)
+    object_depth, cosine = _tube_depth(seen, radius, camera)
+    is_object = object_depth < distance
+    table = np.full(object_depth.shape, distance)
+    scene = _sense(np.minimum(object_depth, table), rng, camera)
+    scene[is_object & (cosine < camera.grazing)] = np.nan
+    return Capture(
+        _cloud(scene, camera),
+        _cloud(_sense(table, rng, camera), camera),
+        is_object.ravel(),
+        seen,
+        radius,
+    )
+
+
+def hose_capture(seed: int) -> Capture:
+    """The paper's experiment (IV.C, Table III): a hose of 1.7 m and 40 mm on a table, a Kinect v1 80 cm above it."""
+    return capture(hose_centre_line(), 0.02, np.random.default_rng(seed))
+
+
+def _refuse_bad_view(line: CentreLine, radius: float, camera: Camera, distance: float) -> None:
+    """Raise `UsageError` unless the camera sees the whole object, given in its frame."""
+    pixel = distance / camera.focal
+    if 2.0 * radius < pixel:
+        raise UsageError(
+            f"the object is thinner than a pixel, which is {1e3 * pixel:.3g} mm wide on the table",
+            "give a larger diameter, or a smaller distance",
+        )
+    axis = line.points(2000)
+    # Wherever in its bounding box the object is, it is in view if the box's upper side is.
+    upper = float(axis[:, 2].min()) - radius
+    half = 0.5 * np.array([camera.width - 1, camera.height - 1]) / camera.focal
+    needed = max(float(((np.abs(axis[:, :2]) + radius) / half).max()), camera.nearest)
+    if camera.nearest <= distance <= camera.farthest and upper >= needed - 1e-9:
+        return
+    least = math.ceil(100.0 * (needed + distance - upper)) / 100.0
+    between = f"{camera.name} measures depths from {camera.nearest:g} to {camera.farthest:g} m"
+    if least > camera.farthest:
+        raise UsageError(
+            f"the object is too large for the camera's view: it needs a distance of {least:.2f} m",
+            f"{between}: take a smaller object",
+        )
+    unseen = "the table" if distance > camera.farthest else "the whole object"
+    raise UsageError(
+        f"from {distance:g} m the camera does not see {unseen}",
+        f"give a distance of {least:.2f} m or more; {between}",
+    )
+
+
+def _before_camera(line: CentreLine, radius: float, distance: float) -> CentreLine:
+    """The line in the camera frame: seen from above, resting on the table, centred."""
+    # World z upwards becomes camera z downwards; y follows to keep the frame right-handed.
+    turn = np.diag([1.0, -1.0, -1.0])
+    points = line.points(2000) @ turn.T
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    return line.moved(turn, np.array([-middle[0], -middle[1], distance - radius - points[:, 2].max()]))
+
+
+def _tube_depth(line: CentreLine, radius: float, camera: Camera) -> tuple[Array, Array]:
+    """Depth of the tube's nearest surface and the cosine of the angle at which it is seen; inf and 0 where none is.
+
+    The tube is a row of spheres, of which a ray hits the nearest; what a sphere at an end has beyond the end's plane is
+    cut off, and a disc put there instead.
+
+    Returns:
+        (height, width) each.
+    """
+    rays = camera.rays.reshape(-1, 3)
+    depth, cosine = np.full(len(rays), np.inf), np.zeros(len(rays))
+
+    def see(pixel: IntArray, t: Array, normal: Array) -> None:
+        """Keep what is nearer than what was there: pixels (K,), depths (K,), outward unit normals (K, 3)."""
+        # Of several values for one pixel the last one written stays: the nearest.
+        order = np.argsort(t)[::-1]
+        order = order[t[order] < depth[pixel[order]]]
+        pixel, ray = pixel[order], rays[pixel[order]]
+        depth[pixel] = t[order]
+        cosine[pixel] = -np.einsum("ij,ij->i", normal[order], ray) / np.linalg.norm(ray, axis=1)
+
+    caps = [
+        (s, line(s)[0], direction * line.tangents(s)[0]) for s, direction in ((0.0, -1.0), (1.0, 1.0))
+    ]  # material coordinate, centre, outward normal
+    for _, end, outward in caps:
+        facing = np.flatnonzero(rays @ outward < 0.0)
+        t = (end @ outward) / (rays[facing] @ outward)
+        on_disc = np.linalg.norm(rays[facing] * t[:, None] - end, axis=1) <= radius
+        see(facing[on_disc], t[on_disc], np.broadcast_to(outward, (int(on_disc.sum()), 3)))
+
+    count = max(2, int(np.ceil(line.length / (_SPHERE_SPACING * radius))))
+    s = np.linspace(0.0, 1.0, count)
+    centres = line(s)
+    # A square of pixels around each centre that holds the whole sphere, perspective included.
+    reach = int(np.ceil(1.2 * camera.focal * radius / (float(centres[:, 2].min()) - radius))) + 1
+    square = np.arange(-reach, reach + 1)
+    offsets = np.stack(np.meshgrid(square, square), axis=-1).reshape(-1, 2)
+    middle = 0.5 * np.array([camera.width - 1, camera.height - 1])
+    block = max(1, _PAIRS // len(offsets))
+    for start in range(0, count, block):
+        part = centres[start : start + block]
+        place = np.round(camera.focal * part[:, :2] / part[:, 2:] + middle).astype(int)[:, None] + offsets
+        owner = np.repeat(np.arange(len(part)), len(offsets))
+        place = place.reshape(-1, 2)
+        inside = ((place >= 0) & (place < [camera.width, camera.height])).all(axis=1)
+        pixel, owner = place[inside] @ [1, camera.width], owner[inside]
+        ray, centre = rays[pixel], part[owner]
+        # |t d - c|^2 = r^2 with d_z = 1, so that t is the depth.
+        a = np.einsum("ij,ij->i", ray, ray)
+        b = np.einsum("ij,ij->i", ray, centre)
+        root = b * b - a * (np.einsum("ij,ij->i", centre, centre) - radius**2)
+        hit = root > 0.0
+        t = (b[hit] - np.sqrt(root[hit])) / a[hit]
+        pixel, owner, centre = pixel[hit], owner[hit] + start, centre[hit]
+        point = rays[pixel] * t[:, None]
+        kept = np.ones(len(t), dtype=bool)
+        for s_end, end, outward in caps:
+            at_end = np.abs(s[owner] - s_end) * line.length < 2.0 * radius
+            kept &= ~(at_end & ((point - end) @ outward > 0.0))
+        see(pixel[kept], t[kept], ((point - centre) / radius)[kept])
+    shape = (camera.height, camera.width)
+    return depth.reshape(shape), cosine.reshape(shape)
+
+
+def _sense(depth: Array, rng: np.random.Generator, camera: Camera) -> Array:
+    """Depth as the sensor gives it: noise on the disparity, then whole steps."""
+    if camera.inverse_depth_step == 0.0:
+        return depth.copy()
+    # Rounding adds a twelfth of a step squared to the variance: the sum is what was measured of the sensor.
+    noise = np.sqrt(max(camera.disparity_std**2 - 1.0 / 12.0, 0.0))
+    disparity = np.round(1.0 / (depth * camera.inverse_depth_step) + rng.normal(scale=noise, size=depth.shape))
+    return 1.0 / (disparity * camera.inverse_depth_step)
+
+
+def _cloud(depth: Array, camera: Camera) -> RawCloud:
+    """An organised cloud from a depth image."""
+    points = (camera.rays * depth[..., None]).reshape(-1, 3)
+    pose = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    return RawCloud(points, viewpoint=pose, width=camera.width, height=camera.height)

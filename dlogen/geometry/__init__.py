@@ -1,0 +1,1 @@
+"""Geometry of curves, rotations and meshes: arrays in, arrays out."""

@@ -1,0 +1,354 @@
+"""PCD, the point cloud files of the Point Cloud Library, versions 0.5 to 0.7: ascii, binary, binary_compressed.
+
+https://pointclouds.org/documentation/tutorials/pcd_file_format.html
+Read as PCL does where files leave something out: SIZE is 4, TYPE is F, COUNT is 1, HEIGHT is 1.
+Written: coordinates (and normals) as F 4 where that is exact and as F 8 elsewhere, so nothing is lost.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from itertools import accumulate
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+from dlogen.errors import InputError, UsageError
+from dlogen.io.registry import CloudFormat
+
+if TYPE_CHECKING:
+    from dlogen.types import Array, RawCloud
+
+_KEYWORDS = ("VERSION", "FIELDS", "COLUMNS", "SIZE", "TYPE", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT", "POINTS", "DATA")
+_TYPES = {
+    ("I", 1): "i1",
+    ("I", 2): "<i2",
+    ("I", 4): "<i4",
+    ("I", 8): "<i8",
+    ("U", 1): "u1",
+    ("U", 2): "<u2",
+    ("U", 4): "<u4",
+    ("U", 8): "<u8",
+    ("F", 4): "<f4",
+    ("F", 8): "<f8",
+}
+_MAX_HEADER = 1 << 20
+_DAMAGED = "the header is damaged: export the file again"
+_TITLE = ".PCD v0.7 - Point Cloud Data file format"
+
+
+@dataclass(frozen=True)
+class _Field:
+    name: str
+    size: int  # in bytes, of one number
+    type: str
+    count: int
+
+    @property
+    def bytes(self) -> int:
+        return self.size * self.count
+
+    @property
+    def code(self) -> str:
+        """Numpy's code for a coordinate."""
+        from dlogen.io.clouds.cloud_table import shorten
+
+        name, kind = shorten(self.name), shorten(self.type)
+        if self.count != 1:
+            raise InputError(f"the field {name!r} has {self.count} numbers for each point", _DAMAGED)
+        if (self.type, self.size) not in _TYPES:
+            raise InputError(f"the field {name!r} is of TYPE {kind} and SIZE {self.size}: unknown", _DAMAGED)
+        return _TYPES[self.type, self.size]
+
+
+@dataclass(frozen=True)
+class _Header:
+    fields: tuple[_Field, ...]
+    width: int
+    height: int
+    viewpoint: tuple[float, ...] | None
+    encoding: str
+    comments: tuple[str, ...]
+    size: int  # in bytes
+
+    @property
+    def points(self) -> int:
+        return self.width * self.height
+
+
+def sniff(head: bytes) -> bool:
+    """Whether a file that starts like this is a PCD file."""
+    for line in head.splitlines():
+        words = line.split()
+        if words and not words[0].startswith(b"#"):
+            return bool(re.match(rb"(FIELDS|COLUMNS)\s+\w|VERSION\s+0?\.\d", line.strip()))
+        if words and re.match(rb"#\s*\.PCD v", line.strip()):
+            return True
+    return False
+
+
+def read(path: Path) -> RawCloud:
+    """The points of a PCD file.
+
+    Numbers of ascii files are taken as they are written, whatever SIZE and TYPE say. Bytes after the last point of a
+    binary file are taken for padding.
+
+    Raises:
+        InputError: damaged, cut off, or without coordinates.
+    """
+    import numpy as np
+
+    from dlogen.io.clouds.cloud_table import locate, split
+    from dlogen.types import RawCloud
+
+    with path.open("rb") as stream:
+        header = _read_header(stream.read(_MAX_HEADER))
+        names = [item.name for item in header.fields]
+        points, normals = locate(names)
+        columns = {index: header.fields[index].code for index in points + (normals or [])}
+        available = path.stat().st_size - header.size
+        stream.seek(header.size)
+        if header.encoding == "ascii":
+            table = _read_text(stream, header, columns, available)
+        elif header.encoding == "binary":
+            table = _read_binary(stream, header, columns, available)
+        else:
+            table = _read_compressed(stream, header, columns, available)
+    xyz, normal = split(table)
+    return RawCloud(
+        points=xyz,
+        normals=normal,
+        viewpoint=None if header.viewpoint is None else np.array(header.viewpoint),
+        width=header.width,
+        height=header.height,
+        fields=tuple(names),
+        format="pcd",
+        encoding=header.encoding,
+        comments=header.comments,
+    )
+
+
+def write(path: Path, cloud: RawCloud, encoding: str) -> None:
+    """Write points, normals, shape and sensor pose of a cloud; the same cloud gives the same bytes.
+
+    Args:
+        path: the file.
+        cloud: its comments become comments, its fields beyond x y z and the normal are not in it.
+        encoding: one of `FORMAT.encodings`.
+    """
+    import numpy as np
+
+    from dlogen.io.clouds.cloud_table import smallest_type, text_rows
+    from dlogen.io.clouds.lzf import compress
+
+    groups = [(("x", "y", "z"), cloud.points)]
+    if cloud.normals is not None:
+        groups.append((("normal_x", "normal_y", "normal_z"), cloud.normals))
+    layout = [(name, "<" + smallest_type(values)) for names, values in groups for name in names]
+    pose = (0, 0, 0, 1, 0, 0, 0) if cloud.viewpoint is None else cloud.viewpoint.tolist()
+    lines = [
+        f"# {_TITLE}",
+        *(f"# {' '.join(comment.split())}" for comment in cloud.comments),
+        "VERSION 0.7",
+        f"FIELDS {' '.join(name for name, _ in layout)}",
+        f"SIZE {' '.join(code[-1] for _, code in layout)}",
+        f"TYPE {' '.join('F' for _ in layout)}",
+        f"COUNT {' '.join('1' for _ in layout)}",
+        f"WIDTH {cloud.width if cloud.organised else len(cloud.points)}",
+        f"HEIGHT {cloud.height if cloud.organised else 1}",
+        f"VIEWPOINT {' '.join(repr(number).removesuffix('.0') for number in pose)}",
+        f"POINTS {len(cloud.points)}",
+        f"DATA {encoding}",
+        "",
+    ]
+    columns = np.vstack([values.T for _, values in groups])
+    with path.open("wb") as stream:
+        stream.write("\n".join(lines).encode())
+        if encoding == "ascii":
+            stream.writelines(text_rows(columns.T))
+        elif encoding == "binary":
+            rows = np.empty(len(cloud.points), dtype=layout)
+            for (name, _), column in zip(layout, columns, strict=True):
+                rows[name] = column
+            stream.write(rows.tobytes())
+        else:
+            # One field after the other: their bytes are more alike than those of a point.
+            body = b"".join(column.astype(code).tobytes() for (_, code), column in zip(layout, columns, strict=True))
+            packed = compress(body)
+            if max(len(body), len(packed)) >= 1 << 32:
+                raise UsageError("binary_compressed holds 4 GiB at most", "write it as binary")
+            stream.write(np.array([len(packed), len(body)], dtype="<u4").tobytes() + packed)
+
+
+def _read_header(head: bytes) -> _Header:
+    from dlogen.io.clouds.cloud_table import shorten
+
+    end = re.search(rb"^[ \t]*DATA\b[^\r\n]*(\r?\n|\Z)", head, re.MULTILINE)
+    if not end:
+        raise InputError(
+            "the PCD header has no end: there is no line 'DATA'"
+            + (f" in its first {_MAX_HEADER} bytes" if len(head) == _MAX_HEADER else ""),
+            "the file is cut off or not a PCD file: copy or export it again",
+        )
+    entries: dict[str, list[str]] = {}
+    comments: list[str] = []
+    for number, line in enumerate(re.split(r"\r?\n", head[: end.end()].decode("utf-8", errors="replace")), start=1):
+        keyword, *values = line.split() or ["#"]
+        if keyword.startswith("#"):
+            comment = line.strip().lstrip("#").strip()
+            if comment and not comment.startswith(".PCD v"):
+                comments.append(comment)
+        elif keyword not in _KEYWORDS or keyword in entries or not values:
+            raise InputError(f"PCD header, line {number} ({shorten(line)!r}): it makes no sense here", _DAMAGED)
+        else:
+            entries[keyword] = values
+
+    version = entries.get("VERSION", [".7"])[0]
+    if not re.fullmatch(r"0?\.[1-7]", version):
+        raise InputError(f"PCD version {shorten(version)!r} is unknown", "dlogen reads the versions up to 0.7")
+    encoding = entries["DATA"][0]
+    if encoding not in FORMAT.encodings:
+        raise InputError(f"PCD data {shorten(encoding)!r} are unknown", f"known: {', '.join(FORMAT.encodings)}")
+    width, height = _shape(entries)
+    return _Header(_fields(entries), width, height, _viewpoint(entries), encoding, tuple(comments), end.end())
+
+
+def _fields(entries: dict[str, list[str]]) -> tuple[_Field, ...]:
+    from dlogen.io.clouds.cloud_table import shorten, whole_number
+
+    names = entries.get("FIELDS") or entries.get("COLUMNS")
+    if not names:
+        raise InputError("the PCD header has no line 'FIELDS'", _DAMAGED)
+    columns = {
+        "SIZE": entries.get("SIZE", ["4"] * len(names)),
+        "TYPE": entries.get("TYPE", ["F"] * len(names)),
+        "COUNT": entries.get("COUNT", ["1"] * len(names)),
+    }
+    for keyword, values in columns.items():
+        if len(values) != len(names):
+            raise InputError(f"the PCD header has {len(names)} FIELDS, but {len(values)} values of {keyword}", _DAMAGED)
+    sizes = [whole_number(value, "SIZE") for value in columns["SIZE"]]
+    counts = [whole_number(value, "COUNT") for value in columns["COUNT"]]
+    for name, size, count in zip(names, sizes, counts, strict=True):
+        if size < 1 or count < 1:
+            raise InputError(f"the field {shorten(name)!r} has SIZE {size} and COUNT {count}", _DAMAGED)
+    return tuple(map(_Field, names, sizes, columns["TYPE"], counts))
+
+
+def _shape(entries: dict[str, list[str]]) -> tuple[int, int]:
+    """Width and height; POINTS stands in for what is missing."""
+    from dlogen.io.clouds.cloud_table import whole_number
+
+    given = {key: whole_number(entries[key][0], key) for key in ("WIDTH", "HEIGHT", "POINTS") if key in entries}
+    if not {"WIDTH", "POINTS"} & set(given):
+        raise InputError("the PCD header has neither 'POINTS' nor 'WIDTH'", _DAMAGED)
+    height = given.get("HEIGHT", 1)
+    width = given.get("WIDTH", given.get("POINTS", 0) // max(height, 1))
+    points = given.get("POINTS", width * height)
+    if width * height != points:
+        raise InputError(
+            f"the PCD header contradicts itself: WIDTH {width} x HEIGHT {height} is {width * height}, POINTS {points}",
+            "correct the header, or export the file again",
+        )
+    return width, height
+
+
+def _viewpoint(entries: dict[str, list[str]]) -> tuple[float, ...] | None:
+    """Sensor position and quaternion; None where the file has none or it is not finite."""
+    import math
+
+    from dlogen.io.clouds.cloud_table import shorten
+
+    words = entries.get("VIEWPOINT")
+    if words is None:
+        return None
+    try:
+        pose = tuple(float(word) for word in words)
+    except ValueError:
+        pose = ()
+    if len(pose) != 7:
+        raise InputError(f"VIEWPOINT is {shorten(' '.join(words))!r}, not seven numbers", _DAMAGED)
+    return pose if all(map(math.isfinite, pose)) else None
+
+
+def _read_text(stream: BinaryIO, header: _Header, columns: dict[int, str], available: int) -> Array:
+    import numpy as np
+
+    from dlogen.io.clouds.cloud_table import CUT_OFF, TextRows, refuse_claim, refuse_rows
+
+    width = sum(item.count for item in header.fields)
+    places = [sum(item.count for item in header.fields[:index]) for index in columns]
+    # A number takes two bytes at least, but the separator after the last one may be missing.
+    refuse_claim("points", header.points, 2 * width, available + 1, at_most=True)
+    table = np.empty((header.points, len(columns)))
+    rows = TextRows(stream)
+    done = 0
+    for values, first in rows.take(header.points, "points"):
+        refuse_rows(np.diff(first) != width, first, done, "points", str(width))
+        table[done : done + len(first) - 1] = values.reshape(-1, width)[:, places]
+        done += len(first) - 1
+    if done < header.points:
+        raise InputError(f"the header claims {header.points} points, the file holds {done}", CUT_OFF)
+    rows.refuse_more("points")
+    return table
+
+
+def _read_binary(stream: BinaryIO, header: _Header, columns: dict[int, str], available: int) -> Array:
+    import numpy as np
+
+    from dlogen.io.clouds.cloud_table import gather_table, refuse_claim
+
+    stride = sum(item.bytes for item in header.fields)
+    refuse_claim("points", header.points, stride, available)
+    data = np.fromfile(stream, dtype=np.uint8, count=header.points * stride)
+    starts = list(accumulate((item.bytes for item in header.fields), initial=0))
+    return gather_table(data, [((starts[index], stride), code) for index, code in columns.items()], header.points)
+
+
+def _read_compressed(stream: BinaryIO, header: _Header, columns: dict[int, str], available: int) -> Array:
+    """One field after the other, all points of each."""
+    import numpy as np
+
+    from dlogen.io.clouds.cloud_table import CUT_OFF, Place, gather_table
+    from dlogen.io.clouds.lzf import MAX_RATIO, decompress
+
+    if header.points == 0:
+        return np.empty((0, len(columns)))
+    if available < 8:
+        raise InputError(f"the header claims {header.points} points, the file ends with it", CUT_OFF)
+    packed_size, size = (int(number) for number in np.fromfile(stream, dtype="<u4", count=2))
+    if packed_size > available - 8:
+        raise InputError(f"{packed_size} compressed bytes are announced, the file holds {available - 8}", CUT_OFF)
+    # PCL leaves padding fields out of compressed data, though it names them in the header.
+    for fields in (header.fields, tuple(item for item in header.fields if item.name != "_")):
+        expected = header.points * sum(item.bytes for item in fields)
+        if size == expected:
+            break
+    else:
+        raise InputError(
+            f"the header claims {header.points} points, which take {expected} bytes; the compressed data hold {size}",
+            CUT_OFF,
+        )
+    if size > MAX_RATIO * packed_size:
+        raise InputError(f"{packed_size} compressed bytes cannot hold the {size} that are announced", CUT_OFF)
+    try:
+        data = decompress(stream.read(packed_size), size)
+    except ValueError as error:
+        raise InputError(f"the compressed data are damaged: {error}", "copy or export the file again") from None
+    starts = list(accumulate((item.bytes * header.points for item in fields), initial=0))
+    places: list[tuple[Place, str]] = []
+    for index, code in columns.items():
+        item = header.fields[index]
+        places.append(((starts[fields.index(item)], item.size), code))
+    return gather_table(np.frombuffer(data, dtype=np.uint8), places, header.points)
+
+
+FORMAT = CloudFormat(
+    name="pcd",
+    suffixes=(".pcd",),
+    description="Point Cloud Library: points, normals, sensor pose, organised clouds",
+    sniff=sniff,
+    read=read,
+    write=write,
+    encodings=("binary", "ascii", "binary_compressed"),
+)

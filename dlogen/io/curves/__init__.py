@@ -1,0 +1,1 @@
+"""Curves from files, for `dlogen compare`."""

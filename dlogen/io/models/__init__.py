@@ -1,0 +1,1 @@
+"""Model formats, a file each: a module that defines `FORMAT` is a format (`dlogen.io.registry`)."""

@@ -1,0 +1,206 @@
+"""Pictures of a fit and of the evaluation, with matplotlib (extra `plots`).
+
+Figures are drawn without pyplot and without a display; the same input gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dlogen.errors import UsageError
+from dlogen.stages.segmentation.curvature import curvature
+from dlogen.types import Result
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+    from dlogen.evaluation.paper_tables import Figure
+
+#: Points of the cloud that are drawn; more would only make the file larger.
+_DRAWN = 4000
+
+# Okabe and Ito's colours, which are told apart without full colour vision.
+BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#8c8c8c"
+
+
+def fit_picture(result: Result) -> bytes:
+    """A PNG of a fit: cloud, skeleton line and chain from two sides, curvature, and the error (the paper's Fig. 9).
+
+    Args:
+        result: of a fit.
+
+    Raises:
+        UsageError: matplotlib is not installed.
+    """
+    figure = canvas(11.0, 8.0)
+    grid = figure.add_gridspec(2, 2, height_ratios=[1.5, 1.0])
+    shape = figure.add_subplot(grid[0, :])
+    _draw_views(shape, result)
+    _draw_curvature(figure.add_subplot(grid[1, 0]), result)
+    _draw_error(figure.add_subplot(grid[1, 1]), result)
+    chain = result.chain
+    figure.suptitle(
+        f"{result.name}: {result.skeleton.length:.3f} m, radius {1e3 * chain.radius:.2f} mm, "
+        f"{len(chain.lengths)} segments of {1e3 * result.joints.segment_length:.1f} mm, {result.quality.verdict}",
+        fontsize=13,
+    )
+    return png(figure)
+
+
+def _draw_views(axes: Axes, result: Result) -> None:
+    """Two perpendicular views side by side in one frame: the widest one and the one from its side."""
+    cloud = result.intermediates[0 if result.profile == "paper" else 1].points
+    # Who looks for what the chain misses has to see it; what is far away would only make the rest small.
+    left_out = np.concatenate([item.points for item in result.intermediates if item.name == "off_tube"] or [cloud[:0]])
+    room = 0.5 * np.ptp(cloud, axis=0).max()
+    left_out = left_out[((left_out > cloud.min(axis=0) - room) & (left_out < cloud.max(axis=0) + room)).all(axis=1)]
+    centre = result.skeleton_points.mean(axis=0)
+    main = np.linalg.svd(result.skeleton_points - centre, full_matrices=False)[2]
+    # A straight line has no second direction of its own; any will do.
+    seen = [
+        (part - centre) @ main.T
+        for part in (
+            cloud[:: max(1, len(cloud) // _DRAWN)],
+            left_out[:: max(1, len(left_out) // _DRAWN)],
+            result.skeleton_points,
+            result.chain.joints,
+        )
+    ]
+    drawn = np.concatenate(seen[:2])
+    unit, name = (1e3, "mm") if np.ptp(drawn[:, 0]) < 1.0 else (1.0, "m")
+    # The second view stands below the first, a tenth of the width apart.
+    gap = 0.1 * np.ptp(drawn[:, 0])
+    drop = drawn[:, 1].min() - gap - drawn[:, 2].max()
+    for column, shift in ((1, 0.0), (2, drop)):
+        first = column == 1
+        points, others, line, joints = (np.stack([part[:, 0], part[:, column] + shift]) * unit for part in seen)
+        dots: dict[str, Any] = {"markersize": 1.5, "alpha": 0.6, "rasterized": True}
+        axes.plot(*points, ".", color=GREY, label="points" if first else None, **dots)
+        if others.size:
+            axes.plot(*others, ".", color=ORANGE, label="points left out" if first else None, **dots)
+        axes.plot(*line, "-", color=BLUE, linewidth=1.5, label="skeleton line" if first else None)
+        axes.plot(*joints, "o-", color=RED, linewidth=1.0, markersize=3.5, label="chain" if first else None)
+    for finding in result.quality.findings:
+        if finding.position is not None:
+            x, y, _ = (np.asarray(finding.position) - centre) @ main.T * unit
+            axes.annotate(
+                finding.code,
+                (x, y),
+                xytext=(0, 18),
+                textcoords="offset points",
+                ha="center",
+                fontsize=9,
+                arrowprops={"arrowstyle": "->", "color": "black"},
+            )
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel(f"along the longest extent [{name}]; above from the front, below from the side")
+    axes.set_ylabel(f"[{name}]")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, fontsize=9, markerscale=2, frameon=False)
+
+
+def _draw_curvature(axes: Axes, result: Result) -> None:
+    s = np.linspace(0.0, 1.0, 1000)
+    axes.plot(s, curvature(result.skeleton, s), color=BLUE, linewidth=1.3)
+    axes.plot(result.chain.s, np.zeros(len(result.chain.s)), "|", color=RED, markersize=8, label="joints")
+    axes.set_xlim(0.0, 1.0)
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("s")
+    axes.set_ylabel("curvature of the skeleton line [1/m]")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=9, frameon=False)
+    axes.grid(alpha=0.3)
+
+
+def _draw_error(axes: Axes, result: Result) -> None:
+    axes.plot(result.mdtw.s, 1e3 * result.mdtw.error, color=BLUE, linewidth=1.0, label="MDTW error")
+    axes.axhline(1e3 * result.e_max, color=RED, linestyle="--", linewidth=1.2, label="e_max")
+    axes.set_xlim(0.0, 1.0)
+    axes.set_ylim(0.0, 1.25e3 * max(result.e_max, result.mdtw.max))
+    axes.set_xlabel("s")
+    axes.set_ylabel("skeleton line to chain [mm]")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=9, frameon=False)
+    axes.grid(alpha=0.3)
+
+
+def evaluation_pictures(figures: Sequence[Figure]) -> dict[str, bytes]:
+    """PNGs of the evaluation's tables that are among the figures: {file name: content}.
+
+    Raises:
+        UsageError: matplotlib is not installed.
+    """
+    pictures = {}
+    for table, quantities in (
+        ("II", ("MDTW mean",)),
+        ("robustness", ("mean distance", "largest distance")),
+    ):
+        rows = [item for item in figures if item.table == table and item.quantity in quantities]
+        if rows:
+            pictures[f"table_{table}.png" if table == "II" else f"{table}.png"] = _bars(rows, quantities)
+    return pictures
+
+
+def _bars(rows: Sequence[Figure], quantities: Sequence[str]) -> bytes:
+    """Measured figures as bars, the paper's and the bounds as marks, on a logarithmic scale."""
+    names = list(dict.fromkeys(item.row for item in rows))
+    figure = canvas(9.0, 1.2 + 0.34 * len(names) * max(1, len(quantities)))
+    axes = figure.add_subplot()
+    height = 0.8 / len(quantities)
+    for j, (quantity, colour, hatch) in enumerate(zip(quantities, (BLUE, ORANGE), ("", "//"), strict=False)):
+        at = {item.row: item for item in rows if item.quantity == quantity}
+        y = np.array([names.index(name) for name in at]) + (j - 0.5 * (len(quantities) - 1)) * height
+        values = np.array([item.measured for item in at.values()])
+        axes.barh(y, values, height, color=colour, hatch=hatch, edgecolor="white", label=quantity)
+        limits = np.array([item.high if item.high is not None else np.nan for item in at.values()])
+        label = "bound" if j == 0 else None
+        axes.plot(limits, y, "|", color="black", markersize=9, markeredgewidth=2, label=label)
+        paper = np.array([item.paper if item.paper is not None else np.nan for item in at.values()])
+        if np.isfinite(paper).any():
+            axes.plot(paper, y, "D", color=RED, markersize=6, label="the paper")
+        for value, place in zip(values, y, strict=True):
+            # At the foot of the bar, where no bound and no other mark can be.
+            axes.annotate(
+                f"{value:.2g}",
+                (0.01, place),
+                xycoords=("axes fraction", "data"),
+                va="center",
+                fontsize=9,
+                color="white" if colour == BLUE else "black",
+                bbox={"facecolor": colour, "edgecolor": "none", "pad": 1.0},
+            )
+    axes.set_xscale("log")
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    # A decade for the numbers.
+    axes.set_xlim(left=0.1 * min(item.measured for item in rows))
+    axes.set_xlabel(f"[{rows[0].unit}]")
+    axes.grid(axis="x", alpha=0.3)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, fontsize=9, frameon=False)
+    return png(figure)
+
+
+def canvas(width: float, height: float) -> Canvas:
+    """An empty figure of that size in inches.
+
+    Raises:
+        UsageError: matplotlib is not installed.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure as Canvas
+    except ImportError:
+        raise UsageError("pictures need matplotlib", "pip install 'dlogen[plots]'") from None
+    figure = Canvas(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def png(figure: Canvas) -> bytes:
+    """The picture: the same bytes for the same figure."""
+    out = io.BytesIO()
+    # Without the version of matplotlib the bytes depend on the picture alone.
+    figure.savefig(out, format="png", dpi=100, metadata={"Software": None})
+    return out.getvalue()

@@ -1,0 +1,96 @@
+"""The tube around the skeleton line as a mesh (the paper's Fig. 8a): GLB, OBJ and PLY.
+
+All in metres in the frame of the chain, z as there: viewers of glTF that take y for up show it lying on its side.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dlogen.io.registry import ModelFormat
+
+if TYPE_CHECKING:
+    from dlogen.types import Result
+
+#: Linear RGBA of the surface in GLB files.
+_COLOUR = (0.12, 0.30, 0.45, 1.0)
+
+
+def write_glb(result: Result, stem: str) -> dict[str, bytes]:
+    """One file, `stem.tube.glb`, with one node `tube`.
+
+    glTF stores vertices in single precision, which at survey coordinates is half a metre. So they are relative to the
+    start of the line, and the node is placed there.
+    """
+    import trimesh
+
+    from dlogen.geometry.tube_mesh import tube_mesh
+
+    origin = result.chain.joints[0]
+    tube = tube_mesh(result.skeleton, result.chain.radius, origin=origin)
+    mesh = trimesh.Trimesh(tube.vertices, tube.faces, process=False)
+    material = trimesh.visual.material.PBRMaterial(baseColorFactor=_COLOUR, metallicFactor=0.0, roughnessFactor=0.6)
+    mesh.visual = trimesh.visual.TextureVisuals(material=material)
+    scene = trimesh.Scene()
+    scene.add_geometry(
+        mesh, node_name="tube", geom_name="tube", transform=trimesh.transformations.translation_matrix(origin)
+    )
+    return {f"{stem}.tube.glb": scene.export(file_type="glb", include_normals=True)}
+
+
+def write_obj(result: Result, stem: str) -> dict[str, bytes]:
+    """One file, `stem.tube.obj`; nanometres are its last digit."""
+    import trimesh
+
+    from dlogen.geometry.tube_mesh import tube_mesh
+
+    tube = tube_mesh(result.skeleton, result.chain.radius)
+    mesh = trimesh.Trimesh(tube.vertices, tube.faces, process=False)
+    text = trimesh.exchange.obj.export_obj(
+        mesh, include_normals=False, include_color=False, digits=9, header="Tube around the skeleton line, metres"
+    )
+    return {f"{stem}.tube.obj": f"{text.rstrip()}\n".encode()}
+
+
+def write_ply(result: Result, stem: str) -> dict[str, bytes]:
+    """One file, `stem.tube.ply`, binary, with double precision, which trimesh's own writer does not have."""
+    import numpy as np
+
+    from dlogen.geometry.tube_mesh import tube_mesh
+
+    tube = tube_mesh(result.skeleton, result.chain.radius)
+    faces = np.empty(len(tube.faces), dtype=[("count", "u1"), ("index", "<i4", 3)])
+    faces["count"], faces["index"] = 3, tube.faces
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        "comment tube around the skeleton line, metres",
+        f"element vertex {len(tube.vertices)}",
+        *(f"property double {axis}" for axis in "xyz"),
+        f"element face {len(faces)}",
+        "property list uchar int vertex_indices",
+        "end_header\n",
+    ]
+    return {f"{stem}.tube.ply": "\n".join(header).encode() + tube.vertices.astype("<f8").tobytes() + faces.tobytes()}
+
+
+FORMATS = (
+    ModelFormat(
+        name="glb",
+        suffixes=(".tube.glb",),
+        description="GLB mesh of the tube around the skeleton line",
+        write=write_glb,
+    ),
+    ModelFormat(
+        name="obj",
+        suffixes=(".tube.obj",),
+        description="OBJ mesh of the same tube",
+        write=write_obj,
+    ),
+    ModelFormat(
+        name="ply-mesh",
+        suffixes=(".tube.ply",),
+        description="PLY mesh of the same tube, binary, double precision",
+        write=write_ply,
+    ),
+)

@@ -1,0 +1,1 @@
+"""The chain as bodies and joints with masses, springs and limits."""

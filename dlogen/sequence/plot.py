@@ -1,0 +1,135 @@
+"""A picture of a motion, with matplotlib (extra `plots`)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dlogen.io.models.plots import BLUE, GREEN, ORANGE, RED, canvas, png
+from dlogen.sequence.trajectory import Motion
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: Chains that are drawn; more would hide one another.
+_DRAWN = 60
+
+#: Colour and mark of a reason to set a frame aside.
+_REASONS = {
+    "failed": (RED, "X"),
+    "doubtful": (ORANGE, "s"),
+    "length": (BLUE, "v"),
+    "radius": (BLUE, "^"),
+    "noise": (GREEN, "D"),
+    "motion": ("black", "P"),
+}
+
+
+def motion_picture(motion: Motion) -> bytes:
+    """A PNG: the chains coloured by time from two sides, the error of each frame, and the bend of each joint over time.
+
+    Args:
+        motion: of a recording, or poses without an order in time, which are drawn in the order given.
+
+    Raises:
+        UsageError: matplotlib is not installed.
+    """
+    figure = canvas(11.0, 9.0)
+    grid = figure.add_gridspec(2, 2, height_ratios=[1.6, 1.0])
+    _draw_chains(figure.add_subplot(grid[0, :]), motion)
+    _draw_errors(figure.add_subplot(grid[1, 0]), motion)
+    _draw_bends(figure.add_subplot(grid[1, 1]), motion)
+    common = motion.common
+    count, links = len(motion.states), len(common.links)
+    what = ("frame" if motion.times is not None else "cloud") + ("s" if count > 1 else "")
+    figure.suptitle(
+        f"{count} {what}, {motion.states.count('good')} good: {common.sizes.length.value:.3f} m, radius "
+        f"{1e3 * common.sizes.radius.value:.2f} mm, {links} segment{'s' if links > 1 else ''} of "
+        f"{1e3 * common.links[0]:.1f} mm",
+        fontsize=13,
+    )
+    return png(figure)
+
+
+def _clock(motion: Motion) -> tuple[np.ndarray, str]:
+    """Where frames are on the axis of time, and its name."""
+    if motion.times is None:
+        return np.arange(len(motion.states), dtype=float), "cloud"
+    start = motion.times[0]
+    # Seconds since 1970 would fill the axis with digits.
+    return motion.times - (
+        start if start > 1e6 else 0.0
+    ), "time [s]" if start <= 1e6 else f"time since {start:.0f} s [s]"
+
+
+def _draw_chains(axes: Axes, motion: Motion) -> None:
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    clock, name = _clock(motion)
+    posed = np.flatnonzero(motion.posed)
+    joints = motion.common.joints[posed]
+    centre = joints.reshape(-1, 3).mean(axis=0)
+    main = np.linalg.svd(joints.reshape(-1, 3) - centre, full_matrices=False)[2]
+    seen = (joints - centre) @ main.T
+    unit, length = (1e3, "mm") if np.ptp(seen[..., 0]) < 1.0 else (1.0, "m")
+    # The second view stands below the first, a tenth of the width apart.
+    drop = seen[..., 1].min() - 0.1 * np.ptp(seen[..., 0]) - seen[..., 2].max()
+    colours = ScalarMappable(Normalize(clock[0], clock[-1]), colormaps["viridis"])
+    good = motion.common.good[posed]
+    shown = np.unique(np.linspace(0, len(posed) - 1, min(_DRAWN, len(posed))).round().astype(int))
+    for k in shown:
+        colour, dashes = (colours.to_rgba(clock[posed[k]]), "-") if good[k] else (RED, "--")
+        for column, shift in ((1, 0.0), (2, drop)):
+            axes.plot(unit * seen[k, :, 0], unit * (seen[k, :, column] + shift), dashes, color=colour, linewidth=1.2)
+            # The first end.
+            axes.plot(unit * seen[k, :1, 0], unit * (seen[k, :1, column] + shift), "o", color=colour, markersize=3.5)
+    if not good[shown].all():
+        axes.plot([], [], color=RED, linestyle="--", label="set aside: from its neighbours")
+    axes.plot([], [], "o", color="black", markersize=3.5, label="base")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel(f"along the longest extent [{length}]; above from the front, below from the side")
+    axes.set_ylabel(f"[{length}]")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=9, frameon=False)
+    axes.figure.colorbar(colours, ax=axes, label=name, pad=0.01)
+
+
+def _draw_errors(axes: Axes, motion: Motion) -> None:
+    clock, name = _clock(motion)
+    common = motion.common
+    axes.plot(clock, 1e3 * common.deviation, ".-", color=BLUE, linewidth=1.0, markersize=4, label="deviation")
+    axes.axhline(1e3 * common.e_max, color=RED, linestyle="--", linewidth=1.2, label="e_max")
+    for code, (colour, mark) in _REASONS.items():
+        at = [clock[k] for k, aside in enumerate(common.asides) if aside is not None and aside.code == code]
+        if at:
+            axes.plot(at, np.zeros(len(at)), mark, color=colour, markersize=7, label=code, clip_on=False, zorder=3)
+    axes.set_ylim(0.0, 1.25e3 * max(common.e_max, float(np.nanmax(common.deviation))))
+    axes.set_xlabel(name)
+    axes.set_ylabel("skeleton line to chain [mm]")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, fontsize=9, frameon=False)
+    axes.grid(alpha=0.3)
+
+
+def _draw_bends(axes: Axes, motion: Motion) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    clock, name = _clock(motion)
+    common = motion.common
+    edges = np.diff(common.joints, axis=1) / common.links[:, None]
+    bends = np.degrees(np.arccos(np.clip(np.einsum("fcx,fcx->fc", edges[:, 1:], edges[:, :-1]), -1.0, 1.0)))
+    if bends.shape[1] == 0:
+        axes.text(0.5, 0.5, "one segment: no joints", ha="center", va="center", transform=axes.transAxes)
+        axes.set_axis_off()
+        return
+    middles = 0.5 * (clock[1:] + clock[:-1])
+    edge = 0.5 * (clock[1] - clock[0]) if len(clock) > 1 else 0.5
+    x = np.concatenate([[clock[0] - edge], middles, [clock[-1] + edge]])
+    image = axes.pcolormesh(x, np.arange(bends.shape[1] + 1) + 0.5, bends.T, cmap="magma", rasterized=True)
+    axes.set_xlabel(name)
+    axes.set_ylabel("joint")
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    if motion.times is None:
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.figure.colorbar(image, ax=axes, label="bend [degrees]", pad=0.02)

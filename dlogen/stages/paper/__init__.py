@@ -1,0 +1,1 @@
+"""The paper's own stages, III.B and III.C: profile paper."""

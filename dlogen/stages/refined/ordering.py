@@ -1,0 +1,383 @@
+"""From a raw cloud to a rough, ordered centre line, without a start point (the sorting walk of the paper's III.B).
+
+The order comes from pieces that are certain (`dlogen.stages.refined.branches`); where it stays ambiguous, a finding
+says so. What comes out is the same for every order of the input points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dlogen.errors import FitError
+from dlogen.geometry.polyline import arc_lengths, resample
+from dlogen.stages.refined.branches import (
+    Join,
+    Piece,
+    bending_cost,
+    bridge,
+    chains,
+    cut_at_junctions,
+    end_direction,
+    join_pieces,
+    parabola,
+    string_beads,
+    trace_pieces,
+)
+from dlogen.stages.refined.medial import axis_votes, contract, recentre
+from dlogen.stages.scale import Scale, estimate_scale, middle, spatial_sample
+from dlogen.types import Array, BoolArray, Finding
+
+#: Size of the subset that the order is found on: at most, and for each radius of length.
+_SAMPLE = 6000
+_PER_RADIUS = 22.0
+#: Size of the subset that tells the share of strays.
+_LOOKED_AT = 2000
+#: Share of places where the cloud is longer than wide, below which it is no line.
+_LINE_SHARE = 0.35
+#: Shorter than this, in radii, and it is no line.
+_SHORTEST_LINE = 6.0
+#: What is left over and comes nearer to the line than this, in radii, is a branch of it.
+_BRANCH = 5.0
+#: What is left over is something if it is so long, in radii and as a share of the line; if its points are as dense as
+#: those of the line, so many radii are enough, for these are no strays.
+_LEFT_OVER, _LEFT_OVER_SHARE, _DENSE_LEFT_OVER = 4.0, 0.02, 3.0
+#: Density over the least one of the line from which on points count as dense.
+_DENSE = 0.5
+#: Shares of the length: up to the one a gap is bridged without doubt, beyond the other it makes two objects.
+_SMALL_GAP, _LARGE_GAP = 0.05, 0.3
+#: The most points that are taken for beads on a string.
+_BEADS = 200
+
+
+@dataclass(frozen=True)
+class Bridge:
+    """A place where two pieces were joined.
+
+    Attributes:
+        s: (start, end) coordinates on the backbone, arc length over length.
+        position: the middle, metres.
+        gap: longest part of it without points, metres.
+        kind: "gap", "crossing" (another strand passes there) or "touch" (one that nearly touches).
+        certainty: 0 to 1: how much better the join is than the next best.
+    """
+
+    s: tuple[float, float]
+    position: tuple[float, float, float]
+    gap: float
+    kind: str
+    certainty: float
+
+
+@dataclass(frozen=True, eq=False)
+class Ordering:
+    """A rough centre line in order.
+
+    Attributes:
+        backbone: (K, 3) about one radius apart, within half a radius of the axis, metres.
+        radius: the radius that was used, metres.
+        pieces: the certain stretches of the backbone, in its order and direction.
+        joins: what was bridged between them.
+        findings: what a user should know.
+    """
+
+    backbone: Array
+    radius: float
+    pieces: tuple[Array, ...]
+    joins: tuple[Bridge, ...]
+    findings: tuple[Finding, ...]
+
+
+def order(points: Array, radius: float | None = None, scale: Scale | None = None) -> Ordering:
+    """Find the centre line of a cloud, roughly, and its order.
+
+    Args:
+        points: (M, 3) finite surface points, metres, in any order.
+        radius: of the tube, metres; None takes the estimate of `scale`.
+        scale: what `estimate_scale` gave for these points; None makes it here.
+
+    Returns:
+        The backbone with findings: "branch", "closed-ring", "several-objects", "not-a-line" (all bad), "gap",
+        "crossing" (where which strands belong together is not certain; others are looked for when the line is fitted,
+        see `dlogen.stages.quality.contacts`), "side-by-side", "stray-points", "too-few-points".
+
+    Raises:
+        FitError: nothing in the cloud is longer than wide.
+    """
+    scale = scale or estimate_scale(points, radius=radius)
+    if not scale.resolved and len(points) <= _BEADS:
+        return _beads(points, radius)
+    r = radius or scale.radius
+    # Where strands lie close together, no neighbourhood is longer than wide; with a known radius that does not matter.
+    if radius is None and (scale.line_share < 0.2 or not np.isfinite(scale.per_radius)):
+        raise FitError(
+            "the cloud is not that of a line: nowhere is it clearly longer than wide",
+            "leave only the object in the cloud: remove table, background and fixtures; "
+            "where strands of it lie close together, give r",
+            stage="ordering",
+        )
+    if not scale.per_radius > 0.0:
+        raise FitError(
+            "the points have no width: they lie on a line, not on the surface of an object",
+            "for points on the centre line set profile to paper, projection.enabled to false, and give r",
+            stage="ordering",
+        )
+    # Many points for each radius of length don't make the order surer.
+    chosen = spatial_sample(
+        points, int(np.clip(_PER_RADIUS / scale.per_radius * scale.radius / r * len(points), 1000, _SAMPLE))
+    )
+    sample = points[chosen]
+    origin = middle(sample)
+    sample = sample - origin
+    thinned = len(sample) / len(points)
+    per_radius = scale.per_radius * thinned * r / scale.radius
+
+    tree = cKDTree(sample)
+    spacing = scale.spacing / np.sqrt(thinned)
+    votes, projected = axis_votes(sample, tree, r, spacing)
+    nodes = contract(votes, projected, r, per_radius)
+    found = trace_pieces(nodes, r, per_radius)
+    if not found:
+        raise FitError(
+            "no stretch of a line was found in the cloud",
+            f"the radius was taken to be {_millimetres(r)}: give r if it is not, and check units",
+            stage="ordering",
+        )
+    if radius is not None or scale.radius_reliable:
+        found = [replace(piece, points=recentre(piece.points, sample, tree, r, per_radius)) for piece in found]
+    pieces = cut_at_junctions(found, r)
+    joins = join_pieces(pieces, r)
+    lines = [_Line.of(pieces, *chain, r) for chain in chains(len(pieces), joins)]
+    longest = max(lines, key=lambda candidate: candidate.length)
+    others = [other for other in lines if other is not longest]
+    line = longest.canonical()
+    near = _around(sample[:: -(-len(sample) // _LOOKED_AT)], line.points, r, scale.noise)
+    findings = [
+        *_about_cloud(scale, radius is None, per_radius, near, line, r),
+        *_about_rest(others, line, r, origin),
+        *_about_ends(line, r, origin),
+    ]
+    bridges = _bridges(line, sample, tree, r)
+    findings += _about_bridges(bridges, line, r, origin)
+    return Ordering(
+        backbone=line.points + origin,
+        radius=r,
+        pieces=tuple(part + origin for part in line.parts),
+        joins=tuple(_moved(item, origin) for item in bridges),
+        findings=tuple(findings),
+    )
+
+
+def _beads(points: Array, radius: float | None) -> Ordering:
+    """The order of a few points that are beads on a string."""
+    beads = points[spatial_sample(points, _BEADS)]
+    line = string_beads(beads)
+    if _runs_backwards(line):
+        line = line[::-1]
+    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    typical = float(np.median(steps))
+    s = arc_lengths(line) / steps.sum()
+    message = f"only {len(beads)} points: they show an order, but no radius"
+    findings = [Finding("too-few-points", message)]
+    joins = []
+    for i in np.flatnonzero(steps > 4.0 * typical):
+        middle = _place(0.5 * (line[i] + line[i + 1]))
+        joins.append(Bridge((float(s[i]), float(s[i + 1])), middle, float(steps[i]), "gap", 1.0))
+        findings.append(_gap_finding(float(steps[i]), float(steps[i] / steps.sum()), 0.5 * (s[i] + s[i + 1]), middle))
+    parts = np.split(line, [i + 1 for i in np.flatnonzero(steps > 4.0 * typical)])
+    return Ordering(line, radius or typical, tuple(parts), tuple(joins), tuple(findings))
+
+
+def _runs_backwards(line: Array) -> bool:
+    """Whether a line begins at the larger coordinate, on the axis on which its ends differ most."""
+    difference = line[-1] - line[0]
+    return bool(difference[np.argmax(np.abs(difference))] < 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Line:
+    """A chain of pieces with the bridges between them."""
+
+    points: Array
+    parts: tuple[Array, ...]
+    densities: tuple[tuple[float, float], ...]  # surface points per metre at either end of each part
+    joins: tuple[Join, ...]
+    spans: tuple[tuple[int, int], ...]  # indices into points of the two ends of each bridge
+    path: tuple[int, ...]
+    length: float
+
+    @staticmethod
+    def of(pieces: list[Piece], path: list[tuple[int, bool]], joins: list[Join], r: float) -> _Line:
+        parts, densities = [], []
+        for number, back in path:
+            step = -1 if back else 1
+            parts.append(pieces[number].points[::step])
+            first, last = pieces[number].end_densities
+            densities.append((last, first) if back else (first, last))
+        points, spans = [parts[0]], []
+        count = len(parts[0])
+        for before, after in pairwise(parts):
+            fill = bridge(before[-1], end_direction(before[::-1], r), after[0], end_direction(after, r), r)
+            spans.append((count - 1, count + len(fill)))
+            points += [fill, after]
+            count += len(fill) + len(after)
+        line = np.concatenate(points)
+        length = float(arc_lengths(line)[-1])
+        numbers = tuple(number for number, _ in path)
+        return _Line(line, tuple(parts), tuple(densities), tuple(joins), tuple(spans), numbers, length)
+
+    def canonical(self) -> _Line:
+        """The same line, from the end with the smaller coordinate where the ends differ most."""
+        if not _runs_backwards(self.points):
+            return self
+        last = len(self.points) - 1
+        return _Line(
+            self.points[::-1],
+            tuple(part[::-1] for part in self.parts[::-1]),
+            tuple((last, first) for first, last in self.densities[::-1]),
+            self.joins[::-1],
+            tuple((last - b, last - a) for a, b in self.spans[::-1]),
+            self.path[::-1],
+            self.length,
+        )
+
+
+def _around(points: Array, line: Array, r: float, noise: float) -> BoolArray:
+    """Which points are no farther from the line than the surface is, with some room."""
+    reach = 1.5 * r + 3.0 * (noise if np.isfinite(noise) else 0.0)
+    dense = resample(line, 2 * len(line))
+    step = arc_lengths(dense)[-1] / (len(dense) - 1)
+    distance, _ = cKDTree(dense).query(points, distance_upper_bound=float(np.hypot(reach, 0.5 * step)))
+    return np.isfinite(distance)
+
+
+def _bridges(line: _Line, points: Array, tree: cKDTree, r: float) -> list[Bridge]:
+    s = arc_lengths(line.points)
+    result = []
+    for (a, b), join in zip(line.spans, line.joins, strict=True):
+        stretch = line.points[a : b + 1]
+        middle = resample(stretch, 3)[1]
+        elsewhere = (s < s[a] - 4.0 * r) | (s > s[b] + 4.0 * r)
+        kind = "gap"
+        if elsewhere.any():
+            nearest = float(cKDTree(line.points[elsewhere]).query(resample(stretch, 2 * len(stretch)))[0].min())
+            kind = "touch" if nearest < 2.4 * r else "crossing" if nearest < 3.5 * r else "gap"
+        certainty = 1.0 if np.isinf(join.margin) else join.margin / (join.margin + join.cost)
+        gap = _largest_hole(stretch, points, tree, r)
+        result.append(Bridge((s[a] / s[-1], s[b] / s[-1]), _place(middle), gap, kind, float(certainty)))
+    return result
+
+
+def _largest_hole(stretch: Array, points: Array, tree: cKDTree, r: float) -> float:
+    """Longest part of a stretch of the line without points around it, metres."""
+    dense = resample(stretch, max(3, int(4.0 * arc_lengths(stretch)[-1] / r)))
+    step = arc_lengths(dense)[-1] / (len(dense) - 1)
+    # A slice across the line is empty if no point is nearer to its centre than the surface and a little more.
+    lonely = np.isinf(tree.query(dense, distance_upper_bound=1.3 * r)[0])
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], lonely, [False]]).astype(int)))
+    longest = int((edges[1::2] - edges[::2]).max(initial=0))
+    # Points up to 0.8 r farther along fill a slice.
+    return longest * step + 1.6 * r if longest else 0.0
+
+
+def _moved(item: Bridge, origin: Array) -> Bridge:
+    return replace(item, position=_place(np.array(item.position) + origin))
+
+
+def _place(point: Array) -> tuple[float, float, float]:
+    return float(point[0]), float(point[1]), float(point[2])
+
+
+def _millimetres(value: float) -> str:
+    return f"{1000 * value:.3g} mm"
+
+
+def _about_cloud(
+    scale: Scale, estimated: bool, per_radius: float, near: BoolArray, line: _Line, r: float
+) -> list[Finding]:
+    """What the cloud as a whole says; `estimated`: the radius is not a given one."""
+    findings = []
+    stray = 1.0 - float(near.mean())
+    if estimated and scale.line_share < _LINE_SHARE:
+        message = "the cloud is longer than wide in few places only: it is not that of a line alone"
+        findings.append(Finding("not-a-line", message, "bad"))
+    elif stray > 0.4:
+        message = f"{stray:.0%} of the points do not lie around the line that was found"
+        findings.append(Finding("not-a-line", message, "bad"))
+    elif stray > 0.01:
+        message = f"{stray:.1%} of the points do not lie around the line and were left out"
+        findings.append(Finding("stray-points", message, "note" if stray < 0.25 else "doubtful"))
+    if line.length < _SHORTEST_LINE * r:
+        message = f"the object is only {line.length / (2 * r):.1f} diameters long: it is hardly a line"
+        findings.append(Finding("not-a-line", message, "bad"))
+    if estimated and not scale.round:
+        message = "the cross-sections are not round: strands may lie side by side; give r to tell them apart"
+        findings.append(Finding("side-by-side", message, "doubtful"))
+    if per_radius < 1.5:
+        message = f"only {per_radius:.1f} points for each radius of length: the order is uncertain"
+        findings.append(Finding("too-few-points", message))
+    return findings
+
+
+def _about_rest(others: list[_Line], line: _Line, r: float, origin: Array) -> list[Finding]:
+    """Chains that are not part of the line."""
+    findings = []
+    thinnest = float(np.min(line.densities))
+    for other in others:
+        dense = float(np.mean(other.densities)) > _DENSE * thinnest
+        if other.length < (_DENSE_LEFT_OVER * r if dense else max(_LEFT_OVER * r, _LEFT_OVER_SHARE * line.length)):
+            continue
+        distance, index = cKDTree(line.points).query(other.points)
+        nearest = int(np.argmin(distance))
+        what = f"{_millimetres(other.length)} long"
+        if distance[nearest] < _BRANCH * r:
+            place = _place(line.points[index[nearest]] + origin)
+            s = float(index[nearest] / (len(line.points) - 1))
+            findings.append(Finding("branch", f"a branch leaves the line, {what}", "bad", s, place))
+        else:
+            place = _place(other.points[len(other.points) // 2] + origin)
+            findings.append(Finding("several-objects", f"another object is in the cloud, {what}", "bad", None, place))
+    return findings
+
+
+def _about_ends(line: _Line, r: float, origin: Array) -> list[Finding]:
+    """Whether the two ends of the line belong together."""
+    first, last = line.points[0], line.points[-1]
+    gap = float(np.linalg.norm(last - first))
+    if line.length < 12.0 * r or gap > max(4.0 * r, 0.1 * line.length):
+        return []
+    cost = bending_cost(*parabola(line.points, 1.5 * r, r), *parabola(line.points[::-1], 1.5 * r, r), r)
+    place = _place(0.5 * (first + last) + origin)
+    if gap < 4.0 * r and cost < 0.8:
+        return [Finding("closed-ring", "the object is a closed ring: it has no ends", "bad", 0.0, place)]
+    # The ends of an object that is folded in two lie side by side and point the same way.
+    folded = float(end_direction(line.points, r) @ end_direction(line.points[::-1], r)) > 0.5
+    if (gap < 4.0 * r and not folded) or cost < 0.3:
+        message = f"the two ends face each other {_millimetres(gap)} apart: it may be a ring with a gap"
+        return [Finding("closed-ring", message, "doubtful", 0.0, place)]
+    return []
+
+
+def _about_bridges(bridges: list[Bridge], line: _Line, r: float, origin: Array) -> list[Finding]:
+    findings = []
+    for number, (item, join) in enumerate(zip(bridges, line.joins, strict=True)):
+        s, place = 0.5 * (item.s[0] + item.s[1]), _place(np.array(item.position) + origin)
+        share = item.gap / line.length
+        if item.certainty < 0.5:
+            message = "strands meet here, and which of them belong together is not certain"
+            findings.append(Finding("crossing", message, "doubtful", s, place))
+        density = min(line.densities[number][1], line.densities[number + 1][0])
+        # A hole where fifteen points were due is none by chance.
+        if item.kind == "gap" and item.gap > 2.0 * r and item.gap * density > 15.0:
+            findings.append(_gap_finding(item.gap, share, s, place, join.cost))
+    return findings
+
+
+def _gap_finding(gap: float, share: float, s: float, place: tuple[float, float, float], cost: float = 0.0) -> Finding:
+    message = f"no points for {_millimetres(gap)} ({share:.1%} of the length); the gap was bridged"
+    if share > _LARGE_GAP:
+        return Finding("gap", f"{message}, but these may be two objects", "bad", s, place)
+    return Finding("gap", message, "note" if share < _SMALL_GAP and cost < 0.6 else "doubtful", s, place)

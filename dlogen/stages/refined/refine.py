@@ -1,0 +1,409 @@
+"""The refined skeleton line: a robust fit of the tube itself, started from a rough backbone.
+
+Its steps: a cubic B-spline along the backbone; Gauss-Newton on the distance of the points to the tube, first with
+widely spaced knots and a given radius, while ends are followed, then with the final knots and the radius free; ends
+from the density of the points; and the result as a weighted sum of basis functions of s in [0, 1] (paper Eq. 7).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from dlogen.errors import FitError
+from dlogen.geometry.basis import CubicBSpline
+from dlogen.stages.refined.ends import find_ends, find_gaps
+from dlogen.stages.refined.tube_curve import TubeCurve, arc_at, arc_table, from_polyline, reparametrised
+from dlogen.stages.refined.tube_fit import LEAST_FLOOR, Tube, all_points, expected_distance, gauss_newton
+from dlogen.stages.scale import spatial_sample
+from dlogen.types import Array, BoolArray, Finding, IntArray, Skeleton
+
+#: Knot spacing over the radius, while the points near the curve are looked for and in the end. A cubic spline with
+#: knots 1.25 radii apart follows a bend of 3 radii to about 1e-3 radii.
+_COARSE, _FINE = 3.0, 1.25
+
+#: The fewest and the most intervals (at first, and of the fit), and the points that each of them needs.
+_FEWEST_INTERVALS, _ROUGH_INTERVALS, _MOST_INTERVALS, _POINTS_PER_INTERVAL = 6, 96, 256, 12
+
+#: Rounds of searching for the points near the curve, and for its ends: each gets a radius farther.
+_ROUNDS = 6
+
+#: Points at an end that tell how densely they lie there.
+_FEW = 10
+
+#: Points that the backbone is brought to the axis with, and points of the fit proper; larger clouds are fitted by
+#: subsets of these sizes first. The last steps use a million points at most.
+_ROUGH_POINTS, _FINE_POINTS, _MOST_POINTS = 2000, 8000, 1_000_000
+
+#: Knot spacing over the length below which the smoothing leaves nothing.
+_KNOTS = 0.8
+
+#: Noise over radius beyond which the direction from the axis to a point means little.
+_SOLID = 0.5
+
+#: Relative standard deviation beyond which the radius counts as unknown: two of them are 4 %.
+_RADIUS_KNOWN = 0.02
+
+#: Relative standard deviation beyond which the largest curvature counts as uncertain, and the angle (curvature times
+#: length) below which a line is straight, so that it does not matter.
+_BEND_KNOWN, _STRAIGHT = 0.25, 0.2
+
+#: Deviation of the output's basis functions from the fitted curve, in radii, and of its curvature, relative.
+_DEVIATION, _BEND_DEVIATION = 1e-4, 0.01
+
+#: Places in every interval where the curvature is looked at.
+_CURVATURES = 6
+
+#: Deviation of the output's parameter from arc length, relative to the length.
+_UNEVEN = 5e-5
+
+#: An end is so many radii long where it is compared with other strands; those are this far from it along the curve.
+_END, _ELSEWHERE = 6.0, 12.0
+
+#: Samples of the curve that stand for it there.
+_SAMPLES_PER_RADIUS = 8.0
+
+#: Points within so many standard deviations of the surface belong to the tube; and within this share of the radius.
+_INLIER, _INLIER_FLOOR = 4.0, 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """The refined skeleton line, with what is known about its accuracy.
+
+    Attributes:
+        skeleton: f(s), s proportional to arc length, from end to end of the object.
+        radius: of the tube, metres.
+        radius_std: its standard deviation, metres; 0 for a given radius, infinite where the points do not tell.
+        radius_identifiable: whether the points tell the radius to 4 %.
+        inliers: (M,) which points belong to the tube.
+        residuals: (M,) distance to the tube's surface, positive outside, metres.
+        s: (M,) foot coordinates in [0, 1]; for points beyond the ends 0 or 1.
+        noise: standard deviation of the distances of the tube's points to its surface, metres.
+        end_std: standard deviations of the places of the two ends along the axis, metres.
+        max_curvature: the largest curvature, 1/m.
+        max_curvature_s: where it is.
+        curvature_std: standard deviation of the curvature there, 1/m.
+        gaps: (s0, s1) of stretches without points, which chance does not explain.
+        used: how many points the last steps used.
+        findings: what a user should know.
+    """
+
+    skeleton: Skeleton
+    radius: float
+    radius_std: float
+    radius_identifiable: bool
+    inliers: BoolArray
+    residuals: Array
+    s: Array
+    noise: float
+    end_std: tuple[float, float]
+    max_curvature: float
+    max_curvature_s: float
+    curvature_std: float
+    gaps: tuple[tuple[float, float], ...]
+    used: int
+    findings: tuple[Finding, ...]
+
+
+def refine(points: npt.ArrayLike, backbone: npt.ArrayLike, radius: float, *, fixed_radius: bool = False) -> Refined:
+    """Fit a tube to surface points, robustly and without parameters.
+
+    Minimises the robust squared distance of the points to the tube around a uniform cubic B-spline f, plus lambda
+    times the squared third derivative of f across its tangent; lambda maximises the marginal likelihood of the data, so
+    that neither is noise fitted nor are bends flattened. The points may be one-sided, unevenly dense, noisy, with
+    strays and gaps. Of more than 8,000 points a subset is fitted first; two last steps use all, or a million.
+
+    Args:
+        points: (M, 3) surface points, metres, in any order.
+        backbone: (K, 3) K >= 2 vertices in order, within about 0.7 radii of the axis, metres. It may fall short of the
+            ends or go beyond them by about two radii.
+        radius: of the tube, metres; a guess within about a third unless it is fixed.
+        fixed_radius: keep the radius.
+
+    Returns:
+        The skeleton line and its accuracy, in the frame of the points.
+
+    Raises:
+        FitError: hardly any points near the backbone, or no line in it.
+    """
+    points, backbone = np.asarray(points, dtype=float), np.asarray(backbone, dtype=float)
+    if not radius > 0.0:
+        raise FitError(f"a radius of {radius:g} m makes no tube", "give r in metres", stage="refine")
+    origin = backbone.mean(axis=0)
+    near = points - origin
+    # Subsets of subsets: each is a random sample of the whole, the same one in whatever order the points come.
+    most = _some(near, _MOST_POINTS)
+    fine = _some(most, _FINE_POINTS)
+    rough = _rough(_columns(_some(fine, _ROUGH_POINTS)), backbone - origin, radius, fixed_radius)
+    tube = _apart(_columns(fine), _fine(_columns(fine), rough, fixed_radius, radius), fixed_radius)
+    more = most is not fine
+    steps = 2 if more and not tube.solid else 0
+    tube = all_points(_columns(most), tube, free_radius=not fixed_radius, steps=steps, search=more)
+    whole = tube if most is near else all_points(_columns(near), tube, free_radius=False, steps=0, search=True)
+    shared = _shared_at_ends(_columns(most), tube)
+    return _result(tube, whole, shared, origin, fixed_radius)
+
+
+def _some(points: Array, count: int) -> Array:
+    """At most `count` of the points, the same ones in whatever order they come."""
+    return points if len(points) <= count else points[spatial_sample(points, count)]
+
+
+def _columns(points: Array) -> Array:
+    return np.ascontiguousarray(points.T)
+
+
+def _rough(points: Array, backbone: Array, radius: float, fixed_radius: bool) -> Tube:
+    """Bring the backbone to the axis and follow it to the ends: (3, M) points, (K, 3) vertices."""
+    nothing = np.zeros(points.shape[1])
+    tube = Tube(from_polyline(backbone, _COARSE * radius, radius, 1.0), radius, 0.1 * radius, nothing, nothing)
+    for step in range(_ROUNDS):
+        # The radius is freed when the axis is halfway right: from outside it, a circle can be fitted in two ways.
+        free = step > 0 and not fixed_radius
+        tube = gauss_newton(points, tube, free_radius=free, steps=1, floor=0.1, search=step == 0)
+        grown = _on_support(tube, 1.0, _COARSE * radius, _ROUGH_INTERVALS)
+        if step >= 1 and grown.curve.length < tube.curve.length + 0.5 * radius:
+            break
+        tube = grown
+    return _on_support(tube, 0.7, _knot_spacing(tube), _MOST_INTERVALS)
+
+
+def _fine(points: Array, tube: Tube, fixed_radius: bool, radius: float) -> Tube:
+    """The tube that fits best, from one that is nearly right: (3, M) points. `radius` is for noise that hides it."""
+    first = gauss_newton(points, tube, free_radius=not fixed_radius, steps=1, floor=0.02, search=True)
+    if first.sigma > _SOLID * first.radius:
+        tube = replace(tube, radius=radius, solid=True)
+        return gauss_newton(points, tube, free_radius=False, steps=8, floor=LEAST_FLOOR, search=True)
+    tube = _on_support(first, 0.7, _knot_spacing(first), _MOST_INTERVALS)
+    # Where points are sparse, the few of the rough rounds fall short of the ends.
+    for _ in range(_ROUNDS):
+        if tube.curve.length < first.curve.length + 0.2 * first.radius:
+            break
+        first = gauss_newton(points, tube, free_radius=not fixed_radius, steps=1, floor=0.02, search=True)
+        tube = _on_support(first, 0.7, _knot_spacing(first), _MOST_INTERVALS)
+    return gauss_newton(points, tube, free_radius=not fixed_radius, steps=6, floor=LEAST_FLOOR)
+
+
+def _apart(points: Array, tube: Tube, fixed_radius: bool) -> Tube:
+    """The tube fitted again where an end touches another strand, without that strand's points: (3, M) points.
+
+    An end that is followed along another strand takes its points for its own: the curve goes on over it, or is bent
+    away from the end, whose own points are outliers then.
+    """
+    shared = np.zeros(points.shape[1], dtype=bool) if tube.solid else _shared_at_ends(points, tube)
+    if not shared.any():
+        return tube
+    free = not fixed_radius
+    own = points[:, ~shared]
+    again = replace(tube, x=tube.x[~shared], distance=tube.distance[~shared])
+    for floor, steps in ((0.1, 1), (0.02, 1), (LEAST_FLOOR, 6)):
+        again = _on_support(again, 0.7, _knot_spacing(again), _MOST_INTERVALS)
+        again = gauss_newton(own, again, free_radius=free, steps=steps, floor=floor, search=True)
+    return all_points(points, again, free_radius=free, steps=0, search=True)
+
+
+def _shared_at_ends(points: Array, tube: Tube) -> BoolArray:
+    """Which points near an end of the curve lie on the surface around another part of it, or inside: (3, M) points."""
+    curve, radius = tube.curve, tube.radius
+    grid, arc, _ = arc_table(curve)
+    count = round(_SAMPLES_PER_RADIUS * float(arc[-1]) / radius)
+    even = np.linspace(0.0, float(arc[-1]), count)
+    places = curve(np.interp(even, arc, grid))
+    s = arc_at(arc, tube.x)
+    reach = expected_distance(radius, tube.sigma) + _INLIER * max(tube.sigma, _INLIER_FLOOR / _INLIER * radius)
+    shared = np.zeros(points.shape[1], dtype=bool)
+    for at_end, away in ((s, even), (arc[-1] - s, arc[-1] - even)):
+        near = np.flatnonzero(at_end < _END * radius)
+        if not len(near):
+            continue
+        end = points[:, near]
+        # Most curves do not come back to their ends: nothing is left to ask then.
+        low, high = end.min(axis=1) - reach, end.max(axis=1) + reach
+        others = places[(away > _ELSEWHERE * radius) & ((places > low) & (places < high)).all(axis=1)]
+        if len(others):
+            distance = cKDTree(others).query(end.T, distance_upper_bound=reach)[0]
+            shared[near] |= np.isfinite(distance)
+    return shared
+
+
+def _knot_spacing(tube: Tube) -> float:
+    """Distance of the knots that a tube needs, metres: not less than 1.25 radii."""
+    # What is shorter than the smoothing leaves over needs no knots of its own.
+    density = 0.5 * np.count_nonzero(tube.on_curve) / tube.curve.length
+    left_over = (tube.smoothing / density) ** (1.0 / 6.0) if tube.smoothing else 0.0
+    enough = 0.7 * _sufficient_spacing(tube.curve, tube.radius)
+    return max(_FINE * tube.radius, _KNOTS * left_over, min(enough, _COARSE * tube.radius))
+
+
+def _sufficient_spacing(curve: TubeCurve, radius: float) -> float:
+    """Distance of knots with which a spline follows a curve, metres."""
+    # With knots H apart a cubic spline is off by about D H^4 / 384, and its second derivative by D H^2 / 12, where D
+    # is the fourth derivative; that shows in the fourth differences of the coefficients.
+    fourth = float(np.linalg.norm(np.diff(curve.coefficients, 4, axis=0), axis=1).max()) / curve.step**4
+    fourth = max(fourth, 1e-12 / radius**3)
+    bend = float(curve.curvature(np.array([0.5])).max())
+    return min((384.0 * _DEVIATION * radius / fourth) ** 0.25, (12.0 * _BEND_DEVIATION * bend / fourth) ** 0.5)
+
+
+def _on_support(tube: Tube, margin: float, spacing: float, most: int) -> Tube:
+    """The curve cut or extended to where the points are and `margin` radii beyond, with knots `spacing` apart."""
+    curve, radius = tube.curve, tube.radius
+    inlier = (np.abs(tube.residual) < max(3.0 * tube.sigma, 0.2 * radius)) & tube.on_curve
+    arc = arc_table(curve)[1]
+    whole, length = arc_at(arc, tube.x), float(arc[-1])
+    s = whole[inlier]
+    if len(s) < 2:
+        raise FitError("hardly any points near the backbone", "check r and units", stage="refine")
+    bins = max(10, min(int(length / radius), len(s) // 15))
+    counts = np.bincount(np.minimum((s * (bins / length)).astype(np.intp), bins - 1), minlength=bins)
+    low, high = (place * length / bins for place in (_first_full(counts), bins - _first_full(counts[::-1])))
+    everything = np.sort(s)
+    s = everything[(everything >= low) & (everything <= high)]
+    # Where points are sparse, the last one may be farther from the end.
+    few = min(_FEW, len(s) - 1)
+    reach = 8.0 * np.array([s[few] - s[0], s[-1] - s[-1 - few]]) / few
+    # A bin may be emptier than its neighbours by chance: points that go on without a gap belong to the object.
+    lone = np.diff(everything)
+    before = np.flatnonzero((lone > reach[0]) & (everything[1:] <= s[0]))
+    behind = np.flatnonzero((lone > reach[1]) & (everything[:-1] >= s[-1]))
+    s = everything[before[-1] + 1 if len(before) else 0 : behind[0] + 1 if len(behind) else len(everything)]
+    low, high = min(low, float(s[0])), max(high, float(s[-1]))
+    before, after = np.clip(reach, margin * radius, 3.0 * radius).tolist()
+    low, high = max(low, float(s[0]) - radius) - before, min(high, float(s[-1]) + radius) + after
+    most = max(_FEWEST_INTERVALS, min(most, len(s) // _POINTS_PER_INTERVAL))
+    intervals = int(np.clip(round((high - low) / spacing), _FEWEST_INTERVALS, most))
+    moved = reparametrised(curve, intervals, low, high)
+    x = np.clip((whole - low) / moved.step, 0.0, float(intervals))
+    return Tube(moved, radius, tube.sigma, x, tube.distance, tube.smoothing)
+
+
+def _first_full(counts: IntArray) -> int:
+    """The first bin that is no sliver of something else: a quarter as full as the ten after it usually are."""
+    for i in range(len(counts)):
+        inner = counts[i + 1 : i + 11]
+        if counts[i] >= 3 and counts[i] >= 0.25 * np.median(inner[inner > 0]) if (inner > 0).any() else False:
+            return i
+    return 0
+
+
+def _result(tube: Tube, whole: Tube, shared: BoolArray, origin: Array, fixed_radius: bool) -> Refined:
+    """What the fitted tube says, between the ends that its points show.
+
+    Args:
+        tube: with the points of the fit.
+        whole: the same with all points.
+        shared: which points of the fit may belong to a strand that an end touches, and say nothing of the end.
+        origin: of the points, metres.
+        fixed_radius: whether the radius was given.
+    """
+    curve, radius, sigma = tube.curve, tube.radius, tube.sigma
+    grid, arc, _ = arc_table(curve)
+    scale = max(sigma, _INLIER_FLOOR / _INLIER * radius)
+    deviation = np.abs(tube.residual) / scale
+    s = arc_at(arc, tube.x)
+    inside = s[(deviation < _INLIER) & tube.on_curve & ~shared]
+    first, last = find_ends(inside, deviation[tube.on_curve], sigma)
+    start, end = first.position, last.position
+    if not end - start > 0.1 * radius:
+        raise FitError("the line has no length", "check r and units", stage="refine")
+    fitted = _output(curve, start, end, radius)
+    length = float(arc_table(fitted)[1][-1])
+    skeleton = Skeleton(CubicBSpline(fitted.intervals + 3), fitted.coefficients, origin, length)
+
+    kappa, s_kappa = _max_curvature(fitted)
+    kappa_std = _curvature_std(tube, float(np.interp(start + s_kappa * (end - start), arc, grid)))
+    if fixed_radius:
+        radius_std = 0.0
+    elif tube.solid or tube.solution is None:
+        radius_std = np.inf
+    else:
+        radius_std = sigma / float(np.sqrt(tube.solution.schur))
+    known = radius_std < _RADIUS_KNOWN * radius
+    gaps = find_gaps(s[(deviation < _INLIER) & tube.on_curve], start, end, radius)
+
+    used = len(s)
+    if whole is not tube:
+        s, deviation = arc_at(arc, whole.x), np.abs(whole.residual) / scale
+    inlier = (deviation < _INLIER) & (s > start - _INLIER * scale) & (s < end + _INLIER * scale) & whole.on_curve
+    return Refined(
+        skeleton=skeleton,
+        radius=radius,
+        radius_std=radius_std,
+        radius_identifiable=known,
+        inliers=inlier,
+        residuals=whole.distance - radius,
+        s=np.clip((s - start) / (end - start), 0.0, 1.0),
+        noise=sigma,
+        end_std=(first.std, last.std),
+        max_curvature=kappa,
+        max_curvature_s=s_kappa,
+        curvature_std=kappa_std,
+        gaps=gaps,
+        used=used,
+        findings=_findings(skeleton, radius, radius_std, known, kappa, s_kappa, kappa_std),
+    )
+
+
+def _output(curve: TubeCurve, start: float, end: float, radius: float) -> TubeCurve:
+    """The curve between two arc lengths, with as few intervals as follow it."""
+    spacing = _sufficient_spacing(curve, radius)
+    most = 2 * curve.intervals
+    intervals = int(np.clip(np.ceil((end - start) / max(spacing, 0.5 * curve.step)), 4, most))
+    while True:
+        moved = reparametrised(curve, intervals, start, end)
+        grid, arc, _ = arc_table(moved)
+        uneven = float(np.abs(arc / arc[-1] - grid / grid[-1]).max())
+        if uneven < _UNEVEN or intervals >= most:
+            return moved
+        intervals = min(2 * intervals, most)
+
+
+def _max_curvature(curve: TubeCurve) -> tuple[float, float]:
+    """The largest curvature, 1/m, and where it is, in [0, 1]."""
+    places = (np.arange(_CURVATURES) + 0.5) / _CURVATURES
+    best = int(np.argmax(curve.curvature(places)))
+    fine = np.clip((best + np.linspace(-0.5, 1.5, 41)) / _CURVATURES, 0.0, curve.intervals)
+    first, second = curve(fine, 1), curve(fine, 2)
+    bend = np.linalg.norm(np.cross(first, second), axis=1) / np.linalg.norm(first, axis=1) ** 3
+    peak = int(np.argmax(bend))
+    return float(bend[peak]), float(fine[peak]) / curve.intervals
+
+
+def _curvature_std(tube: Tube, x: float) -> float:
+    """Standard deviation of the curvature at a place of the curve, from the posterior covariance."""
+    curve = tube.curve
+    if tube.solution is None:
+        return 0.0
+    k = min(int(x), curve.intervals - 1)
+    t = x - k
+    tangent, second = curve(np.array([x]), 1)[0], curve(np.array([x]), 2)[0]
+    normal = second - tangent * (tangent @ second) / (tangent @ tangent)
+    normal /= max(float(np.linalg.norm(normal)), 1e-300)
+    row = np.zeros((1, curve.coefficients.size))
+    row[0, 3 * k : 3 * k + 12] = np.outer([1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t], normal).ravel() / curve.step**2
+    return tube.sigma * float(np.sqrt(tube.solution.covariance(row)[0, 0]))
+
+
+def _findings(
+    line: Skeleton,
+    radius: float,
+    radius_std: float,
+    known: bool,
+    kappa: float,
+    s_kappa: float,
+    kappa_std: float,
+) -> tuple[Finding, ...]:
+    """What a user should know about the fit; gaps are judged by the ordering, which bridged them."""
+    findings = []
+    if not known:
+        spread = f"to {100.0 * radius_std / radius:.0f} % only" if np.isfinite(radius_std) else "at this noise"
+        findings.append(Finding("radius-unknown", f"the points do not tell the radius {spread}: give r"))
+    if kappa_std > _BEND_KNOWN * kappa and kappa * line.length > _STRAIGHT:
+        x, y, z = (float(value) for value in line(s_kappa)[0])
+        message = f"the sharpest bend, radius {1e3 / kappa:.0f} mm, is known to {100.0 * kappa_std / kappa:.0f} % only"
+        findings.append(Finding("curvature-uncertain", message, "note", s_kappa, (x, y, z)))
+    return tuple(findings)

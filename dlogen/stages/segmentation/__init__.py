@@ -1,0 +1,1 @@
+"""From the skeleton line to joints: the paper's III.D and III.E, and criteria beyond them."""

@@ -1,0 +1,3 @@
+"""Fixtures: `clouds` and `plan`."""
+
+from small_batch import clouds, plan  # noqa: F401

@@ -1,0 +1,364 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlogen.errors import FitError
+from dlogen.evaluation.synthetic import centre_line, from_points, random_centre_line, sample_tube
+from dlogen.pipeline import fit
+from dlogen.stages.quality.checks import (
+    MIN_POINTS,
+    check_bends,
+    check_cross_section,
+    check_followed,
+    check_line,
+    check_points,
+    check_radius,
+    check_radius_along,
+    check_walk,
+    far_away,
+    on_surface,
+)
+from dlogen.stages.quality.residual import foot_points
+from dlogen.stages.scale import estimate_scale
+from dlogen.stages.segmentation.curvature import max_curvature
+
+
+def refusal(points, **options) -> str:
+    with pytest.raises(FitError) as error:
+        check_points(np.asarray(points, dtype=float), **options)
+    assert error.value.stage == "input"
+    assert error.value.hint
+    return error.value.message
+
+
+class TestPoints:
+    def test_tubes_pass_in_any_units_and_place(self, tube, half_tube) -> None:
+        for points in (tube.points, half_tube.points, 1000 * tube.points, tube.points + np.array([5e6, -4e6, 100.0])):
+            check_points(points)
+
+    def test_a_thin_straight_wire_along_an_axis_passes(self, exact_line) -> None:
+        rng = np.random.default_rng(0)
+        angle = rng.uniform(0, 2 * np.pi, 500)
+        wire = np.stack([rng.random(500), 1e-4 * np.cos(angle), 1e-4 * np.sin(angle)], axis=1)
+        check_points(wire)
+        check_points(wire + np.array([5e6, 0, 0]))
+
+    @pytest.mark.parametrize("count", [0, 1, MIN_POINTS - 1])
+    def test_too_few(self, count: int) -> None:
+        assert f"{count} points are too few" in refusal(np.random.default_rng(0).random((count, 3)))
+        check_points(np.random.default_rng(0).random((MIN_POINTS, 3)))
+
+    @pytest.mark.parametrize("place", [[0, 0, 0], [1, 2, 3], [5e6, 5e6, 0]])
+    def test_all_in_one_place(self, place) -> None:
+        assert "in one place" in refusal(np.tile(place, (100, 1)))
+        # What rounding leaves of one place is one place.
+        jitter = np.random.default_rng(0).choice([0, 1e-16], (100, 3))
+        assert "in one place" in refusal(np.tile(place, (100, 1)) * (1 + jitter) if any(place) else jitter * 0)
+
+    @pytest.mark.parametrize("axis", range(3))
+    def test_flat(self, axis: int) -> None:
+        points = np.random.default_rng(0).random((100, 3))
+        points[:, axis] = 0.7
+        assert f"flat: {'xyz'[axis]} is the same" in refusal(points)
+        check_points(points, surface=False)
+
+    def test_pixels(self) -> None:
+        pixels = np.random.default_rng(0).integers(0, 640, (500, 3))
+        pixels[:, 2] = 0
+        assert "pixel data" in refusal(pixels)
+        # Whole millimetres in space are no pixels.
+        pixels[:, 2] = np.arange(500) % 40
+        check_points(pixels.astype(float))
+
+    @pytest.mark.parametrize("scale", [1e-12, 1e12, 1e200])
+    def test_sizes_of_no_object(self, tube, scale: float) -> None:
+        assert "no object" in refusal(tube.points * scale)
+
+
+class TestFarAway:
+    @pytest.mark.parametrize("marker", [1e6, 1e10, 3.4028235e38, 1e300])
+    def test_markers_of_missing_data(self, tube, marker: float) -> None:
+        marked = np.array([[marker] * 3, [-marker, 0.0, 0.0], [0.0, marker, 0.0]])
+        far = far_away(np.concatenate([tube.points, marked]))
+        assert far.tolist() == [False] * len(tube.points) + [True] * 3
+
+    def test_strays_and_survey_coordinates_are_not(self, tube) -> None:
+        strays = np.random.default_rng(0).uniform(-20.0, 20.0, (500, 3))
+        for points in (np.concatenate([tube.points, strays]), tube.points + np.array([5e6, -4e6, 100.0])):
+            assert not far_away(points).any()
+        assert not far_away(tube.points[:3]).any()
+        assert not far_away(np.tile(tube.points[:1], (50, 1))).any()
+
+
+def line_findings(line, cloud, radius: float):
+    _, distance = foot_points(cloud.points, line)
+    return check_line(line, radius, distance, on_surface(distance, radius), max_curvature(line))
+
+
+def walk_findings(line, cloud, unreached: int = 0):
+    s, distance = foot_points(cloud.points, line)
+    return check_walk(line, cloud.radius, s, on_surface(distance, cloud.radius), unreached)
+
+
+def codes(findings) -> dict[str, str]:
+    return {finding.code: finding.severity for finding in findings}
+
+
+class TestLine:
+    def test_a_good_fit_has_no_findings(self, exact_line, tube, half_tube, bent) -> None:
+        for cloud in (tube, half_tube, bent):
+            assert line_findings(exact_line(cloud.truth), cloud, cloud.radius) == []
+            assert walk_findings(exact_line(cloud.truth), cloud) == []
+
+    def test_noise_and_strays_are_no_findings_of_the_line(self, exact_line) -> None:
+        line = random_centre_line(3, clearance=0.08)
+        noisy = sample_tube(line, 0.015, 5000, 0, noise=0.001, stray_fraction=0.1)
+        assert line_findings(exact_line(line), noisy, 0.015) == []
+
+    def test_a_bend_tighter_than_the_radius(self, exact_line) -> None:
+        line = exact_line(centre_line("helical-printed"))
+        cloud = sample_tube(centre_line("helical-printed"), 0.02, 5000, 0)
+        found = line_findings(line, cloud, 0.02)
+        finding = next(item for item in found if item.code == "bend-tighter-than-radius")
+        assert finding.severity == "bad"
+        # The printed curve folds at the peaks of its sine, s = 1/6, 1/2, 5/6.
+        assert min(abs(finding.s - s) for s in (1 / 6, 1 / 2, 5 / 6)) < 0.01
+        assert np.array(finding.position) == pytest.approx(line(finding.s)[0])
+        assert "20 mm" in finding.message
+
+    def test_a_cloud_that_is_no_tube(self, exact_line, tube) -> None:
+        rng = np.random.default_rng(0)
+        ball = tube.truth(rng.random(3000)) + rng.normal(scale=0.02, size=(3000, 3))
+        line = exact_line(tube.truth)
+        _, distance = foot_points(ball, line)
+        found = codes(check_line(line, 0.015, distance, on_surface(distance, 0.015), (1.0, 0.5)))
+        assert "points-off-the-tube" in found
+        assert "radius-mismatch" in found
+
+    def test_a_radius_that_does_not_fit_the_points(self, exact_line, tube) -> None:
+        for wrong in (0.7 * tube.radius, 1.5 * tube.radius):
+            assert "radius-mismatch" in codes(line_findings(exact_line(tube.truth), tube, wrong))
+        assert codes(line_findings(exact_line(tube.truth), tube, 1.05 * tube.radius)) == {}
+
+    def test_millimetres_taken_for_metres(self, exact_line) -> None:
+        line = random_centre_line(3)
+
+        def large(s, derivative):
+            return 1000 * line.curve(s, derivative)
+
+        found = check_line(exact_line(large), 15.0, np.full(100, 15.0), np.ones(100, bool), (0.01, 0.5))
+        assert codes(found) == {"units": "doubtful"}
+        assert "1400 m" in found[0].message
+
+    def test_metres_taken_for_millimetres(self, exact_line) -> None:
+        line = random_centre_line(3)
+
+        def small(s, derivative):
+            return 0.001 * line.curve(s, derivative)
+
+        found = check_line(exact_line(small), 1.5e-5, np.full(100, 1.5e-5), np.ones(100, bool), (1e4, 0.5))
+        assert codes(found) == {"units": "doubtful"}
+        assert "1.4 mm" in found[0].message
+
+    def test_points_that_are_all_far_away(self, exact_line, tube) -> None:
+        line = exact_line(tube.truth)
+        found = codes(check_line(line, 0.015, np.full(100, 1.0), np.zeros(100, bool), (1.0, 0.5)))
+        assert found["points-off-the-tube"] == "bad"
+
+
+class TestRadius:
+    @pytest.mark.parametrize("side", [None, [0.3, 0.2, -1.0]])
+    def test_a_given_radius_is_held_against_the_cross_sections(self, side) -> None:
+        cloud = sample_tube(random_centre_line(3, clearance=0.08), 0.015, 5000, 0, noise=0.0005, side=side)
+        free = estimate_scale(cloud.points)
+        for right in (0.014, 0.015, 0.016, None):
+            assert check_radius(right, free) == []
+        for wrong in (0.010, 0.019):
+            (finding,) = check_radius(wrong, free)
+            assert (finding.code, finding.severity) == ("radius-mismatch", "doubtful")
+            assert f"{1e3 * wrong:.3g} mm was given" in finding.message
+
+    def test_what_the_cloud_does_not_know_it_does_not_contradict(self) -> None:
+        rng = np.random.default_rng(0)
+        thread = np.c_[rng.random(3000), rng.normal(0.0, 0.002, (3000, 2))]
+        free = estimate_scale(thread)
+        assert check_radius(0.001, free) == []
+        # But a guess is no radius.
+        assert codes(check_radius(None, free)) == {"radius-unknown": "doubtful"}
+
+    @pytest.mark.parametrize("seed", range(5))
+    def test_the_same_everywhere(self, exact_line, seed: int) -> None:
+        truth = random_centre_line(seed, clearance=0.06)
+        for options in ({"noise": 0.003}, {"side": [0.0, 0.0, -1.0]}, {"stray_fraction": 0.3}, {"gaps": [(0.3, 0.5)]}):
+            s, distance = foot_points(sample_tube(truth, 0.015, 5000, seed, **options).points, exact_line(truth))
+            assert check_radius_along(exact_line(truth), 0.015, s, distance) == []
+
+    def test_a_thick_part_is_found_where_it_is(self, exact_line) -> None:
+        truth = random_centre_line(3, clearance=0.08)
+        s, distance = foot_points(sample_tube(truth, 0.015, 5000, 0).points, exact_line(truth))
+        thick = np.where(abs(s - 0.625) < 0.03, 1.6 * distance, distance)
+        (finding,) = check_radius_along(exact_line(truth), 0.015, s, thick)
+        assert (finding.code, finding.severity) == ("radius-varies", "doubtful")
+        assert finding.s == pytest.approx(0.625)
+        assert "24 mm here, 15 mm in the model" in finding.message
+
+    def test_a_taper(self, exact_line, tube) -> None:
+        s, distance = foot_points(tube.points, exact_line(tube.truth))
+        (finding,) = check_radius_along(exact_line(tube.truth), tube.radius, s, distance * (1.4 - 0.8 * s))
+        assert min(finding.s, 1.0 - finding.s) < 0.1
+
+
+class TestBends:
+    def test_a_bend_without_points_is_a_guess(self, circle) -> None:
+        bow = circle(0.03, np.pi * 1.8)  # 170 mm long, 17 radii
+        line = circle(0.05, 1.9 * np.pi)
+        s = np.random.default_rng(0).random(3000)
+        assert check_bends(line, 0.01, s) == []
+        (finding,) = check_bends(line, 0.01, s[abs(s - 0.4) > 0.06])
+        assert (finding.code, finding.severity) == ("gap", "doubtful")
+        assert finding.s == pytest.approx(0.4, abs=0.05)
+        assert check_bends(bow, 0.01, s[abs(s - 0.4) > 0.1]) == []  # too short to tell
+
+    def test_a_gap_on_the_way_straight_on_is_none(self, exact_line, tube) -> None:
+        s, _ = foot_points(tube.points, exact_line(tube.truth))
+        for middle in np.linspace(0.1, 0.9, 9):
+            assert check_bends(exact_line(tube.truth), tube.radius, s[abs(s - middle) > 0.02]) == []
+
+    @pytest.mark.parametrize("seed", range(10))
+    def test_chance_makes_none(self, circle, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        for count in (200, 1000, 5000):
+            assert check_bends(circle(0.03, 25 * np.pi), 0.01, rng.random(count) ** 1.5) == []
+
+
+class TestFollowed:
+    @pytest.mark.parametrize(("share", "severity"), [(0.0, None), (0.1, "doubtful"), (0.4, "bad")])
+    def test_a_line_that_ends_early(self, exact_line, tube, share: float, severity) -> None:
+        s = np.linspace(0.0, 1.0, 150)
+        part = (1.0 - share) * np.linspace(0.0, 1.0, 4000)
+        distance = np.linalg.norm(tube.points[:, None] - tube.truth(part)[None, ::20], axis=2).min(axis=1)
+        found = codes(check_followed(tube.points, tube.truth(s), distance, tube.radius))
+        assert found == ({} if severity is None else {"points-not-reached": severity})
+
+    def test_strays_were_never_part_of_it(self, exact_line) -> None:
+        truth = random_centre_line(3, clearance=0.08)
+        cloud = sample_tube(truth, 0.015, 5000, 0, stray_fraction=0.3)
+        _, distance = foot_points(cloud.points, exact_line(truth))
+        assert check_followed(cloud.points, truth.points(100), distance, 0.015) == []
+
+
+class TestOnSurface:
+    def test_clean_points_within_half_a_radius(self) -> None:
+        distance = np.array([0.010] * 50 + [0.0149, 0.0151, 0.0051, 0.0049, 0.5])
+        assert on_surface(distance, 0.010)[-5:].tolist() == [True, False, True, False, False]
+
+    def test_noise_widens_it_up_to_a_radius(self) -> None:
+        rng = np.random.default_rng(0)
+        distance = 0.010 + rng.normal(scale=0.002, size=5000)
+        assert on_surface(distance, 0.010).mean() > 0.999
+        assert not on_surface(np.array([*distance, 0.0201]), 0.010)[-1]
+
+
+class TestWalk:
+    @pytest.mark.parametrize(("share", "severity"), [(0.01, None), (0.05, "doubtful"), (0.3, "bad")])
+    def test_points_that_were_not_reached(self, exact_line, tube, share: float, severity) -> None:
+        found = codes(walk_findings(exact_line(tube.truth), tube, int(share * 5000)))
+        assert found == ({} if severity is None else {"points-not-reached": severity})
+
+    def test_gaps_where_they_are(self, exact_line) -> None:
+        truth = random_centre_line(3, clearance=0.08)
+        cloud = sample_tube(truth, 0.015, 5000, 0, gaps=[(0.2, 0.26), (0.7, 0.74)])
+        found = walk_findings(exact_line(truth), cloud)
+        assert [item.code for item in found] == ["gap", "gap"]
+        assert [item.s for item in found] == pytest.approx([0.23, 0.72], abs=0.002)
+        assert np.array([item.position for item in found]) == pytest.approx(truth([0.23, 0.72]), abs=0.005)
+        assert "84 mm" in found[0].message or "85 mm" in found[0].message
+        assert "56 mm" in found[1].message or "57 mm" in found[1].message
+
+    @pytest.mark.parametrize("seed", range(10))
+    def test_chance_makes_no_gaps(self, exact_line, seed: int) -> None:
+        truth = random_centre_line(seed, clearance=0.06)
+        for count in (300, 5000):
+            assert walk_findings(exact_line(truth), sample_tube(truth, 0.015, count, seed)) == []
+
+    def test_uneven_density_makes_no_gaps(self, exact_line) -> None:
+        truth = random_centre_line(3, clearance=0.08)
+        assert walk_findings(exact_line(truth), sample_tube(truth, 0.015, 5000, 0, density_ratio=10)) == []
+
+    def test_a_ring(self, circle) -> None:
+        ring = circle(0.3, 2 * np.pi * 0.995)
+        rng = np.random.default_rng(0)
+        s = rng.random(2000)
+        found = check_walk(ring, 0.01, s, np.ones(2000, bool), 0)
+        assert codes(found) == {"closed-ring": "bad"}
+
+    def test_a_horseshoe_and_a_hairpin_are_no_rings(self, circle, exact_line) -> None:
+        s = np.random.default_rng(0).random(2000)
+        horseshoe = circle(0.3, 1.8 * np.pi)  # ends far apart
+        assert check_walk(horseshoe, 0.01, s, np.ones(2000, bool), 0) == []
+
+        def hairpin(s, derivative):  # ends side by side, but the line does not go on from one into the other
+            t = 2 * s - 1
+            x, y = ((t**2, 0.02 * t), (4 * t, np.full_like(t, 0.04)))[derivative]
+            return np.stack([x, y, np.zeros_like(s)], axis=-1)
+
+        assert check_walk(exact_line(hairpin), 0.02, s, np.ones(2000, bool), 0) == []
+
+    def test_no_points_on_the_tube(self, circle) -> None:
+        assert check_walk(circle(0.3, 2.0), 0.01, np.zeros(5), np.zeros(5, bool), 0) == []
+
+
+class TestCrossSection:
+    def around(self, kind: str, amplitude: float, noise: float, seed: int, count: int = 6000, half: bool = False):
+        """Findings about a tube of radius 20 mm whose residual has a shape: a harmonic, and where it turns."""
+        rng = np.random.default_rng(seed)
+        line = fit(sample_tube(centre_line("bent"), 0.02, 2000, 1).points).skeleton
+        s = rng.uniform(0.0, 1.0, count)
+        angle = rng.uniform(-np.pi, 0.0 if half else np.pi, count)
+        tangent = line(s, 1)
+        side = np.cross(tangent, [0.0, 0.0, 1.0])
+        side /= np.linalg.norm(side, axis=1, keepdims=True)
+        up = np.cross(side, tangent / np.linalg.norm(tangent, axis=1, keepdims=True))
+        shape = {
+            "round": 0.0 * s,
+            "oval": np.cos(2.0 * angle),
+            "two humps": np.cos(4.0 * angle),
+            "offset": np.cos(angle),
+            "thick": np.ones(count),
+            "oval here": np.cos(2.0 * angle) * (s < 0.4),
+        }[kind]
+        residual = 0.02 * (amplitude * shape + noise * rng.normal(size=count))
+        away = (0.02 + residual)[:, None]
+        points = line(s) + away * (np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up)
+        return check_cross_section(points, s, residual, line, 0.02)
+
+    @pytest.mark.parametrize("noise", [0.0, 0.1, 0.3])
+    @pytest.mark.parametrize(("kind", "half"), [("oval", False), ("two humps", False), ("two humps", True)])
+    def test_what_is_not_round_is_said(self, noise: float, kind: str, half: bool) -> None:
+        (finding,) = self.around(kind, 0.3, noise, 1, half=half)
+        assert (finding.code, finding.severity) == ("side-by-side", "doubtful")
+
+    @pytest.mark.parametrize("kind", ["round", "offset", "thick", "oval here"])
+    @pytest.mark.parametrize("noise", [0.0, 0.1, 0.4])
+    @pytest.mark.parametrize("seed", range(3))
+    def test_what_is_no_shape_is_not(self, kind: str, noise: float, seed: int) -> None:
+        assert self.around(kind, 0.3, noise, seed) == []
+        assert self.around(kind, 0.3, noise, seed, count=1200) == []
+
+    def test_too_few_points_say_nothing(self) -> None:
+        assert self.around("oval", 0.3, 0.0, 1, count=300) == []
+
+    @pytest.mark.parametrize("noise", [0.001, 0.002])
+    def test_two_cables_that_touch_along_their_length(self, noise: float) -> None:
+        x = np.linspace(0.0, 0.5, 50)
+        line = np.c_[x, 0.1 * np.sin(4.0 * x), 0.0 * x]
+        lower, upper = (
+            sample_tube(
+                from_points(line + np.array([0.0, 0.0, z])), 0.01, 2500, seed, noise=noise, side=[0.3, 0.2, -1.0]
+            ).points
+            for z, seed in ((0.0, 1), (0.0205, 91))
+        )
+        quality = fit(np.vstack([lower, upper])).quality
+        assert quality.verdict != "good"
+        assert "side-by-side" in {finding.code for finding in quality.findings}

@@ -1,0 +1,44 @@
+"""Ends that are cut obliquely are told from square ones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dlogen.evaluation.synthetic import CentreLine, random_centre_line, sample_tube
+from dlogen.pipeline import fit
+
+RADIUS = 0.012
+CLOUDS = [{}, {"noise": 1e-3}, {"noise": 1e-3, "side": (0, 0, -1)}, {"noise": 5e-4, "density_ratio": 10}]
+
+
+def cut(line: CentreLine, points: np.ndarray, degrees: float) -> np.ndarray:
+    """Without what lies beyond a plane through the axis at s = 0.9, that far from the cross-section."""
+    place, tangent = line(0.9)[0], line.tangents(0.9)[0]
+    across = np.cross(tangent, [0.0, 0.0, 1.0])
+    across /= np.linalg.norm(across)
+    normal = np.cos(np.radians(degrees)) * tangent + np.sin(np.radians(degrees)) * across
+    s = line.nearest(points)[0]
+    return points[(s < 0.86) | ((s < 0.94) & ((points - place) @ normal < 0.0))]
+
+
+@pytest.mark.parametrize("sampling", CLOUDS)
+def test_oblique_ends_are_found_and_square_ones_are_not(sampling: dict[str, Any]) -> None:
+    found = []
+    for seed in range(6):
+        rng = np.random.default_rng(1000 + seed)
+        line = random_centre_line(rng, clearance=0.03)
+        points = sample_tube(line, RADIUS, 5000, rng, **sampling).points
+        square, oblique = (
+            [item for item in fit(cut(line, points, degrees)).quality.findings if item.code == "end-cut-off"]
+            for degrees in (0.0, 45.0)
+        )
+        assert not square
+        for finding in oblique:
+            assert finding.severity == "doubtful" and finding.s in (0.0, 1.0)
+            assert np.linalg.norm(np.array(finding.position) - line(0.9)[0]) < 2 * RADIUS
+        found.append(len(oblique))
+    # Where few points happen to lie at the edge, it cannot be told.
+    assert sum(found) >= 4 and max(found) == 1

@@ -17,8 +17,10 @@ from dlogen._version import __version__
 from dlogen.config.schema import AUTO, Config
 from dlogen.errors import ConfigError, DlogenError, FitError
 from dlogen.geometry.arc_length import even_parameters
+from dlogen.geometry.curvature import max_curvature
 from dlogen.geometry.mdtw import mdtw
 from dlogen.geometry.polyline import resample
+from dlogen.geometry.sampling import thinned
 from dlogen.geometry.units import METRES, guess_units
 from dlogen.stages.chain import build_chain
 from dlogen.stages.output_frame import in_frame, output_frame
@@ -26,22 +28,20 @@ from dlogen.stages.paper.normals import choose_neighbours, estimate_normals, ori
 from dlogen.stages.paper.projection import project
 from dlogen.stages.paper.skeleton import choose_beta, fit_skeleton, paper_basis
 from dlogen.stages.paper.sorting import default_start, sort_points
+from dlogen.stages.prepare import check_points, far_away
 from dlogen.stages.quality.checks import (
     check_bends,
-    check_cross_section,
     check_deviation,
     check_followed,
     check_line,
-    check_points,
     check_radius,
     check_radius_along,
-    check_walk,
-    far_away,
     on_surface,
 )
+from dlogen.stages.quality.cross_section import check_cross_section
 from dlogen.stages.quality.residual import foot_points, tube_residual
-from dlogen.stages.scale import estimate_scale, thinned
-from dlogen.stages.segmentation.curvature import max_curvature
+from dlogen.stages.quality.walk import check_walk
+from dlogen.stages.scale import estimate_scale
 from dlogen.stages.segmentation.segment import Wish, segment
 from dlogen.types import Array, BoolArray, Cloud, Finding, Intermediate, Quality, Result, Skeleton
 
@@ -455,7 +455,7 @@ def search_radius(points: Array, radius: float) -> float:
 
 def _cloud_of(points: npt.ArrayLike) -> Cloud:
     """A clean cloud from an array."""
-    from dlogen.io.cloud_files import clean
+    from dlogen.stages.clean import clean
 
     return clean(points)
 

@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 
 from dlogen.config.schema import Config
-from dlogen.evaluation.synthetic import CentreLine, SyntheticCloud, centre_line, random_centre_line, sample_tube
+from dlogen.evaluation.centre_line import CentreLine
+from dlogen.evaluation.shapes import centre_line, random_centre_line
+from dlogen.evaluation.synthetic import SyntheticCloud, sample_tube
 from dlogen.geometry.arc_length import arc_length, even_parameters
-from dlogen.geometry.basis import Basis, CubicBSpline
+from dlogen.geometry.basis import CubicBSpline
+from dlogen.geometry.curvature import max_curvature
 from dlogen.geometry.mdtw import mdtw
 from dlogen.geometry.polyline import resample
 from dlogen.stages.chain import build_chain, deviation
@@ -20,9 +23,9 @@ from dlogen.stages.paper.projection import project
 from dlogen.stages.paper.skeleton import fit_skeleton
 from dlogen.stages.paper.sorting import sort_points
 from dlogen.stages.quality.residual import foot_points, tube_residual
-from dlogen.stages.segmentation.curvature import max_curvature, max_segment_length
 from dlogen.stages.segmentation.joints import place_joints
-from dlogen.types import Intermediate, Quality, Result, Segmentation, Skeleton
+from dlogen.stages.segmentation.segment_length import max_segment_length
+from dlogen.types import Basis, Intermediate, Quality, Result, Segmentation, Skeleton
 
 Array = np.ndarray
 Curve = Callable[[Array, int], Array]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlogen.evaluation.synthetic import CentreLine
+from dlogen.evaluation.centre_line import CentreLine
 from dlogen.sequence.outliers import Observed
 
 Array = np.ndarray

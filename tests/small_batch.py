@@ -8,7 +8,8 @@ import pytest
 
 from dlogen.batch.job import Plan
 from dlogen.config.schema import load_config
-from dlogen.evaluation.synthetic import random_centre_line, sample_tube
+from dlogen.evaluation.shapes import random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
 from dlogen.io.cloud_files import write_cloud
 from dlogen.io.outputs import Outputs
 

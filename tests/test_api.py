@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import dlogen
-from dlogen.evaluation.synthetic import centre_line, sample_tube
+from dlogen.evaluation.shapes import centre_line
+from dlogen.evaluation.synthetic import sample_tube
 
 
 def tube(name: str = "straight", count: int = 2000, seed: int = 3) -> np.ndarray:

@@ -7,7 +7,9 @@ import pytest
 
 import dlogen
 from dlogen.errors import FitError
-from dlogen.evaluation.synthetic import from_points, random_centre_line, sample_tube
+from dlogen.evaluation.centre_line import from_points
+from dlogen.evaluation.shapes import random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
 
 
 def codes(result) -> dict[str, str]:

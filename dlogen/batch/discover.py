@@ -8,37 +8,16 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
 from dlogen.batch import store
+from dlogen.batch.item import Item
 from dlogen.batch.lists import NO_SETTINGS, Row, Settings, read_lines, read_table
 from dlogen.batch.output_names import FileNames, overwritten, with_unique_keys, without_repeats
 from dlogen.batch.paths import below, key_as_named, nearest, opened, shown
 from dlogen.batch.search import CONFIG_ENDINGS, Parts, Search, is_glob, split_glob
 from dlogen.errors import InputError, UsageError
-
-
-@dataclass(frozen=True, slots=True)
-class Item:
-    """One cloud of a batch.
-
-    Attributes:
-        cloud: path of the cloud as it is opened. A folder that cannot be listed is one as well: it fails when it is
-            read, so that the clouds in it are not lost in silence.
-        key: where its results go below the output folder, without an ending and with "/" between folders: those of
-            "a/x" are a/x.urdf and so on. Different for every item, never absolute, without "..".
-        config: YAML file of its own: that of the column `config`, or the one beside the cloud.
-        overrides: "KEY=VALUE" from the columns of a CSV list.
-        time: column `time` of a CSV list, seconds.
-    """
-
-    cloud: str
-    key: str
-    config: str | None = None
-    overrides: tuple[str, ...] = ()
-    time: float | None = None
 
 
 def find_items(

@@ -211,7 +211,7 @@ def _refuse_pipe(path: str, kind: type[DlogenError]) -> None:
 
 
 def _fit(plan: Plan, task: Task, cloud: Cloud) -> tuple[Result, dict[str, bytes]]:
-    from dlogen.io.models.report import report_dict
+    from dlogen.io.report import report_dict
     from dlogen.pipeline import fit
 
     if task.config is not None and task.config_text is None:

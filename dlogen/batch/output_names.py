@@ -13,7 +13,7 @@ from dlogen.batch.paths import below, shown
 from dlogen.errors import UsageError
 
 if TYPE_CHECKING:
-    from dlogen.batch.discover import Item
+    from dlogen.batch.item import Item
 
 #: stem -> names of the files that are written for it.
 FileNames = Callable[[str], tuple[str, ...]]

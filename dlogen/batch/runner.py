@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dlogen._version import __version__
-from dlogen.batch.discover import Item
 from dlogen.batch.executors.local import Pool
+from dlogen.batch.item import Item
 from dlogen.batch.job import Failure, Outcome, Plan, Task, failure_of, paths_of, remove_temporaries, write_files
 from dlogen.batch.store import Ledger, Row
 from dlogen.config.reader import read_text

@@ -13,8 +13,8 @@ from typing import Any
 from dlogen._version import __version__
 from dlogen.batch.metrics import FIGURES
 from dlogen.batch.store import Ledger, Row
-from dlogen.cli.console import dump_json
 from dlogen.io.atomic import write_with
+from dlogen.io.json_text import dump_json
 
 CSV_NAME, JSON_NAME = "summary.csv", "summary.json"
 

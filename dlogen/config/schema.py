@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 from dlogen.config.fields import AUTO, Auto, Keys, Problem, Setting, refuse, show, wrong_value
+from dlogen.config.presets import PRESETS
 from dlogen.config.reader import Values, read_file, read_mapping, read_override, read_value
-from dlogen.multibody.materials import PRESETS
 
 #: What ROS and the model formats accept, without the names of the model's own links and joints.
 _FRAME_NAME = r"(?!(segment|joint)_|(base_joint|tip|tip_joint)$)[A-Za-z_][A-Za-z0-9_./-]*"

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlogen.errors import UsageError
-from dlogen.evaluation.synthetic import CentreLine, hose_centre_line
+from dlogen.evaluation.centre_line import CentreLine
+from dlogen.evaluation.shapes import hose_centre_line
 from dlogen.types import Array, BoolArray, IntArray, RawCloud
 
 #: Spheres along the axis this many radii apart: their union is within 1e-3 radii of a straight tube.

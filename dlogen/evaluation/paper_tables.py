@@ -93,7 +93,8 @@ def table_2(seeds: int = 10, first_seed: int = 0) -> Iterator[Figure]:
         seeds: number of clouds a curve.
         first_seed: the first one's seed.
     """
-    from dlogen.evaluation.synthetic import centre_line, sample_tube
+    from dlogen.evaluation.shapes import centre_line
+    from dlogen.evaluation.synthetic import sample_tube
 
     for name, (mean, std) in PAPER_TABLE_2.items():
         line = centre_line(name)

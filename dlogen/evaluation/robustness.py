@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from dlogen.evaluation.centre_line import CentreLine
 from dlogen.evaluation.paper_tables import Figure
-from dlogen.evaluation.synthetic import CentreLine, centre_line, loop_centre_line, random_centre_line, sample_tube
+from dlogen.evaluation.shapes import centre_line, loop_centre_line, random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
 from dlogen.geometry.arc_length import even_parameters
+from dlogen.geometry.curvature import max_curvature
 from dlogen.pipeline import fit
-from dlogen.stages.segmentation.curvature import max_curvature
 from dlogen.types import Result
 
 _FROM_ABOVE = (0.0, 0.0, -1.0)

@@ -3,38 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-
-
-class Basis(Protocol):
-    """N functions of s in [0, 1]."""
-
-    @property
-    def size(self) -> int:
-        """N."""
-        ...
-
-    @property
-    def margin(self) -> float:
-        """Stretch of s at either end where the functions, not the data, make the curvature."""
-        ...
-
-    def __call__(self, s: Array, derivative: int = 0) -> Array:
-        """Values, or derivatives with respect to s, of all functions: (K,) -> (K, N)."""
-        ...
-
-    def combine(self, s: Array, weights: Array, derivative: int = 0) -> Array:
-        """The weighted sum of the functions (Eq. 7) or its derivative: (K,), (N, 3) -> (K, 3)."""
-        ...
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything needed to evaluate the basis again."""
-        ...
+from dlogen.types import Array
+from dlogen.types.line import Basis
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlogen.geometry.arc_length import even_parameters
-from dlogen.stages.chain import minimal_rotation_frames
-from dlogen.stages.segmentation.curvature import curvature
+from dlogen.geometry.curvature import curvature
+from dlogen.geometry.parallel_transport import minimal_rotation_frames
 from dlogen.types import Array, IntArray, Skeleton
 
 #: Places along the line that its curvature is looked at.

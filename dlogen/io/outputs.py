@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from dlogen.cli.console import dump_json
 from dlogen.errors import UsageError
+from dlogen.io.json_text import dump_json
 from dlogen.io.registry import model_format, model_formats
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ class Outputs:
             contents |= model_format(item).write(result, stem)
         contents[f"{stem}.report.json"] = dump_json(report).encode()
         if self.plot:
-            from dlogen.io.models.plots import fit_picture
+            from dlogen.io.plots import fit_picture
 
             contents[f"{stem}.png"] = fit_picture(result)
         return contents

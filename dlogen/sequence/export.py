@@ -14,12 +14,12 @@ import numpy as np
 from dlogen._version import __version__
 from dlogen.batch.runner import shown
 from dlogen.batch.store import Row
-from dlogen.cli.console import dump_json
 from dlogen.config.schema import Config
 from dlogen.geometry.basis import basis_from_dict
 from dlogen.geometry.mdtw import mdtw
 from dlogen.geometry.polyline import resample
-from dlogen.io.models.report import model_dict
+from dlogen.io.json_text import dump_json
+from dlogen.io.report import model_dict
 from dlogen.multibody.model import multibody
 from dlogen.sequence.outliers import Observed, Size
 from dlogen.sequence.trajectory import Motion

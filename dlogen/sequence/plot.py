@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dlogen.io.models.plots import BLUE, GREEN, ORANGE, RED, canvas, png
+from dlogen.io.plots import BLUE, GREEN, ORANGE, RED, canvas, png
 from dlogen.sequence.trajectory import Motion
 
 if TYPE_CHECKING:

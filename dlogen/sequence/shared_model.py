@@ -14,7 +14,7 @@ from dlogen.sequence.interpolation import filled_in, smoothed
 from dlogen.sequence.orientation import directions, hidden_ends, misfits, unclear_directions
 from dlogen.sequence.outliers import Aside, Observed, Sizes, common_sizes, set_aside
 from dlogen.sequence.rigid_links import Shape, deviations, equal_links, fewest_links, fit_links, links_of_length
-from dlogen.stages.segmentation.curvature import max_segment_length
+from dlogen.stages.segmentation.segment_length import max_segment_length
 from dlogen.types import Array, BoolArray
 
 #: More links than any simulator takes.

@@ -12,8 +12,8 @@ import numpy as np
 
 from dlogen.config.fields import AUTO
 from dlogen.errors import ConfigError
+from dlogen.geometry.parallel_transport import minimal_rotation_frames
 from dlogen.geometry.rotations import from_quaternion, hinges
-from dlogen.stages.chain import minimal_rotation_frames
 from dlogen.types import Array, Cloud, Finding, Frame, Intermediate, Quality, Result, Segmentation
 
 if TYPE_CHECKING:

@@ -17,7 +17,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dlogen.batch.discover import Item, find_items
+from dlogen.batch.discover import find_items
+from dlogen.batch.item import Item
 from dlogen.errors import DlogenError, InputError, UsageError
 from dlogen.io.cloud_files import read_cloud
 from dlogen.io.outputs import Outputs

@@ -137,7 +137,7 @@ def test_a_bug_of_ours_is_a_failure_of_the_cloud(
     assert failure is not None
     assert failure.code == "internal"
     assert "ZeroDivisionError: sum of nothing" in failure.message
-    assert "test_work.py" in failure.message
+    assert "test_job.py" in failure.message
 
 
 def test_errors_as_failures() -> None:

@@ -13,7 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dlogen.batch.discover import Item, find_items
+from dlogen.batch.discover import find_items
+from dlogen.batch.item import Item
 from dlogen.batch.lists import read_table
 from dlogen.config.schema import load_config
 from dlogen.errors import DlogenError, InputError, UsageError

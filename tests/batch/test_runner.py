@@ -11,7 +11,8 @@ from typing import Any
 
 import pytest
 
-from dlogen.batch.discover import Item, find_items
+from dlogen.batch.discover import find_items
+from dlogen.batch.item import Item
 from dlogen.batch.job import Failure, Outcome, Plan, Task, work
 from dlogen.batch.runner import Batch, Settings, shown
 from dlogen.batch.store import Ledger, Row

@@ -24,7 +24,8 @@ from pathlib import Path
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import dlogen
-from dlogen.evaluation.synthetic import random_centre_line, sample_tube
+from dlogen.evaluation.shapes import random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
 from dlogen.io.cloud_files import write_cloud
 
 #: Settings with which a small cloud takes little time, so that what the batch adds shows.

@@ -38,7 +38,8 @@ def small(runs: int) -> None:
     import numpy as np
     from scipy.spatial import cKDTree
 
-    from dlogen.evaluation.synthetic import centre_line, random_centre_line, sample_tube
+    from dlogen.evaluation.shapes import centre_line, random_centre_line
+    from dlogen.evaluation.synthetic import sample_tube
     from dlogen.stages.refined.ordering import order
     from dlogen.stages.refined.refine import refine
     from dlogen.stages.scale import estimate_scale

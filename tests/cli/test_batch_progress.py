@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from dlogen.batch.discover import Item
 from dlogen.batch.executors.local import NotStarted
+from dlogen.batch.item import Item
 from dlogen.batch.job import Failure, Outcome, Plan, Task
 from dlogen.batch.metrics import FIGURES, Threshold
 from dlogen.batch.runner import Batch

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from dlogen.cli.console import Console, dump_json, print_json, use_colour
+from dlogen.cli.console import Console, print_json, use_colour
+from dlogen.io.json_text import dump_json
 
 
 def said(capsys, level: int) -> tuple[str, str]:

@@ -10,7 +10,8 @@ import pytest
 
 from dlogen.errors import UsageError
 from dlogen.evaluation.camera import KINECT_V1, Camera, Capture, capture, hose_capture
-from dlogen.evaluation.synthetic import CentreLine, centre_line, from_points, hose_centre_line, loop_centre_line
+from dlogen.evaluation.centre_line import CentreLine, from_points
+from dlogen.evaluation.shapes import centre_line, hose_centre_line, loop_centre_line
 
 #: The Kinect's optics without its noise.
 EXACT = Camera("exact", 640, 480, 585.0, 0.0, 0.0, 0.0, 0.5, 5.0)

@@ -13,7 +13,8 @@ from dlogen.evaluation import paper_tables as evaluation
 from dlogen.evaluation import robustness
 from dlogen.evaluation.paper_tables import Figure, skeleton_error, table_2, table_3
 from dlogen.evaluation.robustness import CASES, accuracy
-from dlogen.evaluation.synthetic import centre_line, sample_tube
+from dlogen.evaluation.shapes import centre_line
+from dlogen.evaluation.synthetic import sample_tube
 from dlogen.pipeline import fit
 
 

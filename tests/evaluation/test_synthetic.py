@@ -15,20 +15,16 @@ from scipy.integrate import quad
 from scipy.special import ellipe
 from scipy.stats import kstest
 
-from dlogen.evaluation.synthetic import (
+from dlogen.evaluation.centre_line import CentreLine, from_points
+from dlogen.evaluation.shapes import (
     TABLE_I,
-    CentreLine,
     centre_line,
     coil_centre_line,
-    from_points,
     hose_centre_line,
     loop_centre_line,
     random_centre_line,
-    sample_tube,
-    truth,
-    truth_bytes,
-    write_truth,
 )
+from dlogen.evaluation.synthetic import sample_tube, truth, truth_bytes, write_truth
 
 RADIUS = 0.02
 
@@ -148,7 +144,7 @@ def test_clearance_is_kept() -> None:
 
 
 def test_a_line_that_cannot_keep_away_from_itself_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dlogen.evaluation.synthetic._comes_near_itself", lambda *_: True)
+    monkeypatch.setattr("dlogen.evaluation.shapes._comes_near_itself", lambda *_: True)
     with pytest.raises(ValueError, match="keeps"):
         random_centre_line(0, clearance=0.05)
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dlogen.evaluation.synthetic import centre_line, random_centre_line
+from dlogen.evaluation.shapes import centre_line, random_centre_line
 from dlogen.geometry.arc_length import arc_length, arc_length_table, even_parameters
 
 

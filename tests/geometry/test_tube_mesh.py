@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from dlogen.evaluation.synthetic import centre_line, hose_centre_line, random_centre_line
+from dlogen.evaluation.shapes import centre_line, hose_centre_line, random_centre_line
 from dlogen.geometry.tube_mesh import tube_mesh
 
 trimesh = pytest.importorskip("trimesh")

@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlogen.evaluation.synthetic import hose_centre_line, random_centre_line, sample_tube
+from dlogen.evaluation.shapes import hose_centre_line, random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
 from dlogen.geometry.units import METRES, guess_units
 
 

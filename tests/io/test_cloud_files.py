@@ -18,7 +18,8 @@ from hypothesis.extra.numpy import arrays
 import dlogen
 from dlogen.errors import InputError, UsageError
 from dlogen.io import cloud_files as clouds
-from dlogen.io.cloud_files import clean, cloud_bytes, read_cloud, read_raw, write_cloud
+from dlogen.io.cloud_files import cloud_bytes, read_cloud, read_raw, write_cloud
+from dlogen.stages.clean import clean
 from dlogen.types import Cloud, RawCloud
 
 POINTS = np.array([[0.5, 1.0, 2.0], [3.0, 4.0, 5.0], [6.0, 7.0, 8.0], [9.0, 10.0, 11.0]])

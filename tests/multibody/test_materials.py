@@ -6,9 +6,10 @@ import math
 
 import pytest
 
+from dlogen.config.presets import PRESETS
 from dlogen.config.schema import Config, Material, load_config
 from dlogen.errors import ConfigError
-from dlogen.multibody.materials import PRESETS, properties
+from dlogen.multibody.materials import properties
 
 
 def test_generic_is_limp():

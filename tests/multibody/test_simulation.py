@@ -16,8 +16,8 @@ from scipy.integrate import solve_bvp
 from scipy.linalg import eigh
 from scipy.optimize import root
 
+from dlogen.config.presets import PRESETS
 from dlogen.io.registry import model_format
-from dlogen.multibody.materials import PRESETS
 from dlogen.multibody.model import MultibodyModel, multibody
 from dlogen.stages.chain import build_chain
 from dlogen.types import Joints

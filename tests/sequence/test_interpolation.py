@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from moving import LENGTH, recorded
 
+from dlogen.geometry.parallel_transport import minimal_rotation_frames
 from dlogen.geometry.rotations import hinges
 from dlogen.sequence.interpolation import base_rotations, filled_in, hinge_values, smallest_rotations, smoothed
 from dlogen.sequence.rigid_links import Shape, equal_links, fit_links
-from dlogen.stages.chain import minimal_rotation_frames
 
 Array = np.ndarray
 

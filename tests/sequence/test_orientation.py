@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from moving import LENGTH, MOTIONS, RADIUS, recorded
 
-from dlogen.evaluation.synthetic import random_centre_line
+from dlogen.evaluation.shapes import random_centre_line
 from dlogen.sequence.orientation import directions, misfits, unclear_directions
 
 Array = np.ndarray

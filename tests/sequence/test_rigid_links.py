@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dlogen.evaluation.synthetic import random_centre_line
+from dlogen.evaluation.shapes import random_centre_line
 from dlogen.geometry.polyline import hausdorff, resample
 from dlogen.sequence.rigid_links import (
     Shape,

@@ -10,7 +10,7 @@ from moving import LENGTH, MOTIONS, RADIUS, Recorded, observation, recorded
 
 from dlogen.config.schema import Segmentation
 from dlogen.errors import FitError
-from dlogen.evaluation.synthetic import centre_line
+from dlogen.evaluation.shapes import centre_line
 from dlogen.geometry.polyline import resample
 from dlogen.sequence.outliers import Observed
 from dlogen.sequence.rigid_links import Shape, fit_links

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from dlogen.evaluation.synthetic import centre_line, hose_centre_line, random_centre_line
-from dlogen.stages.chain import build_chain, deviation, minimal_rotation_frames
+from dlogen.evaluation.shapes import centre_line, hose_centre_line, random_centre_line
+from dlogen.geometry.parallel_transport import minimal_rotation_frames
+from dlogen.stages.chain import build_chain, deviation
 from dlogen.stages.segmentation.joints import place_joints
 from dlogen.types import Chain, Joints
 

@@ -10,7 +10,7 @@ import pytest
 
 from dlogen.errors import FitError, InputError
 from dlogen.evaluation.camera import KINECT_V1, Capture, capture, hose_capture
-from dlogen.evaluation.synthetic import hose_centre_line
+from dlogen.evaluation.shapes import hose_centre_line
 from dlogen.stages.extract import down_sample, extract, main_parts
 from dlogen.types import Cloud, RawCloud
 

@@ -16,7 +16,8 @@ import dlogen
 from dlogen.cli.main import cli
 from dlogen.config.schema import Config, FrameSettings
 from dlogen.errors import ConfigError
-from dlogen.evaluation.synthetic import random_centre_line, sample_tube
+from dlogen.evaluation.shapes import random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
 from dlogen.geometry.rotations import from_quaternion, quaternion
 from dlogen.io.cloud_files import read_cloud, write_cloud
 from dlogen.io.registry import model_format

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from dlogen.errors import FitError
-from dlogen.evaluation.synthetic import centre_line, coil_centre_line, random_centre_line, sample_tube
-from dlogen.stages.scale import estimate_scale, spatial_sample
+from dlogen.evaluation.shapes import centre_line, coil_centre_line, random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
+from dlogen.geometry.sampling import spatial_sample
+from dlogen.stages.scale import estimate_scale
 
 VIEW = [0.3, 0.2, -1.0]
 

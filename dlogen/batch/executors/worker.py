@@ -20,7 +20,7 @@ from dlogen.batch.job import Task, work
 _NEEDED = (
     "dlogen.io.cloud_files",
     "dlogen.io.clouds.ply",
-    "dlogen.io.models.report",
+    "dlogen.io.report",
     "dlogen.pipeline",
     "dlogen.batch.metrics",
     "dlogen.stages.refined.ordering",

@@ -52,7 +52,8 @@ def command(
     polyline in metres, or the truth of a synthetic cloud.
     """
     from dlogen.errors import DlogenError, UsageError
-    from dlogen.io.curves.curve import compare, load_curve
+    from dlogen.evaluation.comparison import compare
+    from dlogen.io.curves.curve import load_curve
 
     if fail_above is not None and not 0.0 <= fail_above < math.inf:
         raise UsageError(f"--fail-above {fail_above} is not a length", "give metres, 0 or more")

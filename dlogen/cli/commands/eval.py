@@ -66,8 +66,8 @@ def command(
             with console.status(f"table {table}"):
                 figures += list(measure[table]())
     if plot_folder is not None:
+        from dlogen.evaluation.plots import evaluation_pictures
         from dlogen.io.atomic import refuse_existing, write_all
-        from dlogen.io.models.plots import evaluation_pictures
 
         pictures = {Path(plot_folder) / name: data for name, data in evaluation_pictures(figures).items()}
         refuse_existing(list(pictures), force)

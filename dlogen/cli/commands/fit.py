@@ -83,7 +83,7 @@ def command(
         raise UsageError("the cloud and the reference cannot both be read from stdin", "give one of them as a file")
 
     from dlogen.io.cloud_files import read_cloud
-    from dlogen.io.models.report import report_dict
+    from dlogen.io.report import report_dict
     from dlogen.pipeline import fit
 
     with console.status(f"fitting {stem}"):
@@ -100,7 +100,7 @@ def command(
     written = list(contents)
     dumps: dict[Path, bytes] = {}
     if dump_folder is not None:
-        from dlogen.io.models.dump import dump_files
+        from dlogen.io.dump import dump_files
 
         dumps = {Path(dump_folder) / f"{stem}.{name}": data for name, data in dump_files(result).items()}
         refuse_existing(list(dumps), force)
@@ -130,8 +130,8 @@ def _load(reference: str) -> Curve:
 
 def _against(known: Curve, result: Result, samples: int) -> dict[str, Any]:
     """The skeleton line against a known curve."""
+    from dlogen.evaluation.comparison import compare
     from dlogen.geometry.arc_length import even_parameters
-    from dlogen.io.curves.curve import compare
 
     line = result.skeleton(even_parameters(result.skeleton, samples))
     return compare(known.points, line, samples=samples)

@@ -18,7 +18,7 @@ from dlogen.cli.types import Number, Numbers
 if TYPE_CHECKING:
     import numpy as np
 
-    from dlogen.evaluation.synthetic import CentreLine
+    from dlogen.evaluation.centre_line import CentreLine
     from dlogen.types import RawCloud
 
 #: Shapes, and which of the options about the centre line they take.
@@ -287,7 +287,7 @@ def _refuse_contradictions(
 
 @contextmanager
 def _as_usage_error(hint: str) -> Iterator[None]:
-    """Turn a `ValueError` of `dlogen.evaluation.synthetic` into a message."""
+    """Turn a `ValueError` of `dlogen.evaluation.shapes` or `synthetic` into a message."""
     from dlogen.errors import UsageError
 
     try:
@@ -300,28 +300,28 @@ def _shape(
     shape: str, rng: np.random.Generator, diameter: float, length: float | None, bend_radius: float | None
 ) -> CentreLine:
     """The centre line of a shape; strands that pass each other have 1.05 diameters between their axes."""
-    from dlogen.evaluation import synthetic
+    from dlogen.evaluation import shapes
 
-    if shape in synthetic.TABLE_I:
-        return synthetic.centre_line(shape)
+    if shape in shapes.TABLE_I:
+        return shapes.centre_line(shape)
     size: dict[str, Any] = {} if length is None else {"length": length}
     bend: dict[str, Any] = {} if bend_radius is None else {"min_bend_radius": bend_radius}
     with _as_usage_error("choose another --length, --bend-radius, --diameter or --seed"):
         if shape == "loop":
-            return synthetic.loop_centre_line(**size, separation=1.05 * diameter)
+            return shapes.loop_centre_line(**size, separation=1.05 * diameter)
         if shape == "coil":
-            return synthetic.coil_centre_line(**size, separation=1.05 * diameter)
+            return shapes.coil_centre_line(**size, separation=1.05 * diameter)
         if shape == "hose":
-            return synthetic.hose_centre_line(**size, **bend)
+            return shapes.hose_centre_line(**size, **bend)
         bend_radius = bend_radius or max(_BEND_RADIUS, (length or 0.0) / _BENDS)
         clearance = min(1.5 * diameter, bend_radius)
-        return synthetic.random_centre_line(rng, **size, min_bend_radius=bend_radius, clearance=clearance)
+        return shapes.random_centre_line(rng, **size, min_bend_radius=bend_radius, clearance=clearance)
 
 
 def _read_line(source: str) -> CentreLine:
     """The smooth line through the points of a file."""
     from dlogen.errors import InputError
-    from dlogen.evaluation.synthetic import from_points
+    from dlogen.evaluation.centre_line import from_points
     from dlogen.io.curves.curve import load_curve
 
     curve = load_curve(source)

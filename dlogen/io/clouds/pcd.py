@@ -51,7 +51,7 @@ class _Field:
     @property
     def code(self) -> str:
         """Numpy's code for a coordinate."""
-        from dlogen.io.clouds.cloud_table import shorten
+        from dlogen.io.parsing.cloud_table import shorten
 
         name, kind = shorten(self.name), shorten(self.type)
         if self.count != 1:
@@ -98,7 +98,7 @@ def read(path: Path) -> RawCloud:
     """
     import numpy as np
 
-    from dlogen.io.clouds.cloud_table import locate, split
+    from dlogen.io.parsing.cloud_table import locate, split
     from dlogen.types import RawCloud
 
     with path.open("rb") as stream:
@@ -138,8 +138,8 @@ def write(path: Path, cloud: RawCloud, encoding: str) -> None:
     """
     import numpy as np
 
-    from dlogen.io.clouds.cloud_table import smallest_type, text_rows
-    from dlogen.io.clouds.lzf import compress
+    from dlogen.io.parsing.cloud_table import smallest_type, text_rows
+    from dlogen.io.parsing.lzf import compress
 
     groups = [(("x", "y", "z"), cloud.points)]
     if cloud.normals is not None:
@@ -181,7 +181,7 @@ def write(path: Path, cloud: RawCloud, encoding: str) -> None:
 
 
 def _read_header(head: bytes) -> _Header:
-    from dlogen.io.clouds.cloud_table import shorten
+    from dlogen.io.parsing.cloud_table import shorten
 
     end = re.search(rb"^[ \t]*DATA\b[^\r\n]*(\r?\n|\Z)", head, re.MULTILINE)
     if not end:
@@ -214,7 +214,7 @@ def _read_header(head: bytes) -> _Header:
 
 
 def _fields(entries: dict[str, list[str]]) -> tuple[_Field, ...]:
-    from dlogen.io.clouds.cloud_table import shorten, whole_number
+    from dlogen.io.parsing.cloud_table import shorten, whole_number
 
     names = entries.get("FIELDS") or entries.get("COLUMNS")
     if not names:
@@ -237,7 +237,7 @@ def _fields(entries: dict[str, list[str]]) -> tuple[_Field, ...]:
 
 def _shape(entries: dict[str, list[str]]) -> tuple[int, int]:
     """Width and height; POINTS stands in for what is missing."""
-    from dlogen.io.clouds.cloud_table import whole_number
+    from dlogen.io.parsing.cloud_table import whole_number
 
     given = {key: whole_number(entries[key][0], key) for key in ("WIDTH", "HEIGHT", "POINTS") if key in entries}
     if not {"WIDTH", "POINTS"} & set(given):
@@ -257,7 +257,7 @@ def _viewpoint(entries: dict[str, list[str]]) -> tuple[float, ...] | None:
     """Sensor position and quaternion; None where the file has none or it is not finite."""
     import math
 
-    from dlogen.io.clouds.cloud_table import shorten
+    from dlogen.io.parsing.cloud_table import shorten
 
     words = entries.get("VIEWPOINT")
     if words is None:
@@ -274,7 +274,7 @@ def _viewpoint(entries: dict[str, list[str]]) -> tuple[float, ...] | None:
 def _read_text(stream: BinaryIO, header: _Header, columns: dict[int, str], available: int) -> Array:
     import numpy as np
 
-    from dlogen.io.clouds.cloud_table import CUT_OFF, TextRows, refuse_claim, refuse_rows
+    from dlogen.io.parsing.cloud_table import CUT_OFF, TextRows, refuse_claim, refuse_rows
 
     width = sum(item.count for item in header.fields)
     places = [sum(item.count for item in header.fields[:index]) for index in columns]
@@ -296,7 +296,7 @@ def _read_text(stream: BinaryIO, header: _Header, columns: dict[int, str], avail
 def _read_binary(stream: BinaryIO, header: _Header, columns: dict[int, str], available: int) -> Array:
     import numpy as np
 
-    from dlogen.io.clouds.cloud_table import gather_table, refuse_claim
+    from dlogen.io.parsing.cloud_table import gather_table, refuse_claim
 
     stride = sum(item.bytes for item in header.fields)
     refuse_claim("points", header.points, stride, available)
@@ -309,8 +309,8 @@ def _read_compressed(stream: BinaryIO, header: _Header, columns: dict[int, str],
     """One field after the other, all points of each."""
     import numpy as np
 
-    from dlogen.io.clouds.cloud_table import CUT_OFF, Place, gather_table
-    from dlogen.io.clouds.lzf import MAX_RATIO, decompress
+    from dlogen.io.parsing.cloud_table import CUT_OFF, Place, gather_table
+    from dlogen.io.parsing.lzf import MAX_RATIO, decompress
 
     if header.points == 0:
         return np.empty((0, len(columns)))

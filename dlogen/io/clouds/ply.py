@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dlogen.errors import InputError
+from dlogen.io.parsing.ply_elements import Element, Property
 from dlogen.io.registry import CloudFormat
 
 if TYPE_CHECKING:
@@ -46,52 +47,6 @@ _CAMERA = ("view_px", "view_py", "view_pz", *_AXES)
 
 
 @dataclass(frozen=True)
-class Property:
-    """One property of an element.
-
-    Attributes:
-        name: its name.
-        type: numpy's code for a number, without the byte order ("f4").
-        count: the same for the count of a list; empty where the property is a single number.
-    """
-
-    name: str
-    type: str
-    count: str = ""
-
-    @property
-    def smallest(self) -> int:
-        """Bytes of a number, or of an empty list."""
-        return int((self.count or self.type)[1])
-
-
-@dataclass(frozen=True)
-class Element:
-    """One element of a header: so many rows, all with the same properties."""
-
-    name: str
-    rows: int
-    properties: tuple[Property, ...]
-
-    @property
-    def what(self) -> str:
-        """The rows, in messages."""
-        from dlogen.io.clouds.cloud_table import shorten
-
-        return "points" if self.name == "vertex" else f"{shorten(self.name)!r} rows"
-
-    @property
-    def names(self) -> list[str]:
-        """Of the properties."""
-        return [item.name for item in self.properties]
-
-    @property
-    def has_lists(self) -> bool:
-        """Whether rows can be of unlike size."""
-        return any(item.count for item in self.properties)
-
-
-@dataclass(frozen=True)
 class Header:
     """What stands before the rows."""
 
@@ -119,8 +74,8 @@ def read(path: Path) -> RawCloud:
     Raises:
         InputError: damaged, cut off, or without coordinates.
     """
-    from dlogen.io.clouds.cloud_table import locate, refuse_claim, shorten, split
-    from dlogen.io.clouds.ply_rows import read_binary, read_text
+    from dlogen.io.parsing.cloud_table import locate, refuse_claim, shorten, split
+    from dlogen.io.parsing.ply_rows import read_binary, read_text
     from dlogen.types import RawCloud
 
     with path.open("rb") as stream:
@@ -180,7 +135,7 @@ def write(path: Path, cloud: RawCloud, encoding: str) -> None:
     import numpy as np
 
     from dlogen.geometry.rotations import from_quaternion
-    from dlogen.io.clouds.cloud_table import smallest_type, text_rows
+    from dlogen.io.parsing.cloud_table import smallest_type, text_rows
 
     groups = [(("x", "y", "z"), cloud.points)]
     if cloud.normals is not None:
@@ -235,7 +190,7 @@ def _read_header(head: bytes) -> Header:
             + (f" in its first {_MAX_HEADER} bytes" if len(head) == _MAX_HEADER else ""),
             "the file is cut off or damaged: copy or export it again",
         )
-    from dlogen.io.clouds.cloud_table import shorten
+    from dlogen.io.parsing.cloud_table import shorten
 
     builder = _HeaderBuilder()
     lines = re.split(r"\r\n|\n|\r", head[begin.end() : end.start()].decode("utf-8", errors="replace"))
@@ -257,7 +212,7 @@ class _HeaderBuilder:
         self.elements: list[tuple[str, int, list[Property]]] = []
 
     def add(self, line: str) -> None:
-        from dlogen.io.clouds.cloud_table import whole_number
+        from dlogen.io.parsing.cloud_table import whole_number
 
         words = line.split()
         keyword = words[0] if words else "comment"
@@ -301,7 +256,7 @@ class _HeaderBuilder:
 
 
 def _type(name: str) -> str:
-    from dlogen.io.clouds.cloud_table import shorten
+    from dlogen.io.parsing.cloud_table import shorten
 
     if name not in _TYPES:
         raise InputError(f"unknown type {shorten(name)!r}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dlogen.cli.console import dump_json
+from dlogen.io.json_text import dump_json
 from dlogen.io.registry import ModelFormat
 
 if TYPE_CHECKING:
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def write(result: Result, stem: str) -> dict[str, bytes]:
     """One file, `stem.json`."""
-    from dlogen.io.models.report import chain_dict
+    from dlogen.io.report import chain_dict
 
     return {f"{stem}.json": dump_json(chain_dict(result)).encode()}
 

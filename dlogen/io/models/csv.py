@@ -18,8 +18,8 @@ def write(result: Result, stem: str) -> dict[str, bytes]:
     import numpy as np
 
     from dlogen.geometry.arc_length import even_parameters
-    from dlogen.io.models.dump import csv_bytes
-    from dlogen.stages.segmentation.curvature import curvature
+    from dlogen.geometry.curvature import curvature
+    from dlogen.io.dump import csv_bytes
 
     line, points = result.skeleton, result.skeleton_points
     s = even_parameters(line, len(points))

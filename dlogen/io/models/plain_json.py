@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dlogen.cli.console import dump_json
+from dlogen.io.json_text import dump_json
 from dlogen.io.registry import ModelFormat
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ import numpy as np
 
 from dlogen.errors import FitError
 from dlogen.geometry.arc_length import arc_length
-from dlogen.geometry.basis import Basis, InverseQuadratic
-from dlogen.types import Array, Skeleton
+from dlogen.geometry.basis import InverseQuadratic
+from dlogen.types import Array, Basis, Skeleton
 
 #: The paper's N (IV.B).
 PAPER_SIZE = 21

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlogen.stages.chain import minimal_rotation_frames
+from dlogen.geometry.parallel_transport import minimal_rotation_frames
 from dlogen.types import Array, BoolArray, Finding, Skeleton
 
 #: Sectors of the circumference, and radii of length that are looked at.

@@ -14,21 +14,13 @@ from scipy.spatial import cKDTree
 
 from dlogen.errors import FitError
 from dlogen.geometry.polyline import arc_lengths, resample
-from dlogen.stages.refined.branches import (
-    Join,
-    Piece,
-    bending_cost,
-    bridge,
-    chains,
-    cut_at_junctions,
-    end_direction,
-    join_pieces,
-    parabola,
-    string_beads,
-    trace_pieces,
-)
+from dlogen.geometry.sampling import middle, spatial_sample
+from dlogen.stages.refined.beads import string_beads
+from dlogen.stages.refined.branches import cut_at_junctions, trace_pieces
+from dlogen.stages.refined.joins import Join, bending_cost, bridge, chains, join_pieces
 from dlogen.stages.refined.medial import axis_votes, contract, recentre
-from dlogen.stages.scale import Scale, estimate_scale, middle, spatial_sample
+from dlogen.stages.refined.piece import Piece, end_direction, parabola
+from dlogen.stages.scale import Scale, estimate_scale
 from dlogen.types import Array, BoolArray, Finding
 
 #: Size of the subset that the order is found on: at most, and for each radius of length.

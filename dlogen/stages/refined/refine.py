@@ -15,10 +15,11 @@ from scipy.spatial import cKDTree
 
 from dlogen.errors import FitError
 from dlogen.geometry.basis import CubicBSpline
+from dlogen.geometry.sampling import spatial_sample
 from dlogen.stages.refined.ends import find_ends, find_gaps
+from dlogen.stages.refined.tube import Tube, expected_distance
 from dlogen.stages.refined.tube_curve import TubeCurve, arc_at, arc_table, from_polyline, reparametrised
-from dlogen.stages.refined.tube_fit import LEAST_FLOOR, Tube, all_points, expected_distance, gauss_newton
-from dlogen.stages.scale import spatial_sample
+from dlogen.stages.refined.tube_fit import LEAST_FLOOR, all_points, gauss_newton
 from dlogen.types import Array, BoolArray, Finding, IntArray, Skeleton
 
 #: Knot spacing over the radius, while the points near the curve are looked for and in the end. A cubic spline with

@@ -18,12 +18,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dlogen.errors import FitError
+from dlogen.geometry.curvature import max_curvature
 from dlogen.stages.chain import deviation
-from dlogen.stages.segmentation.curvature import max_curvature, max_segment_length
 from dlogen.stages.segmentation.curve_table import CurveTable, trace
 from dlogen.stages.segmentation.fewest_segments import equal_lengths, fewest_segments
 from dlogen.stages.segmentation.joints import TOLERANCE, place_joints
 from dlogen.stages.segmentation.minimax import minimax_joints
+from dlogen.stages.segmentation.segment_length import max_segment_length
 from dlogen.types import FewerSegments, Joints, Segmentation, Skeleton
 
 #: The deviation that the searches aim at, as a share of e_max; the rest is for their rounding.

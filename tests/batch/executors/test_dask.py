@@ -26,7 +26,8 @@ from dlogen.batch.executors.dask import BATCH_CLOUDS, DaskPool, _Batches, prepar
 from dlogen.batch.executors.remote import Reply
 from dlogen.batch.job import Outcome, Plan, Task, work
 from dlogen.errors import DlogenError, UsageError
-from dlogen.evaluation.synthetic import random_centre_line, sample_tube
+from dlogen.evaluation.shapes import random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
 from dlogen.io.cloud_files import write_cloud
 
 # Generous: the machine may be busy.

@@ -25,7 +25,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dlogen.evaluation.synthetic import random_centre_line, sample_tube
+from dlogen.evaluation.shapes import random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
 from dlogen.io.cloud_files import write_cloud
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks at processes in /proc")

@@ -10,7 +10,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from dlogen.cli.main import cli
-from dlogen.io.curves.curve import compare, load_curve
+from dlogen.evaluation.comparison import compare
+from dlogen.io.curves.curve import load_curve
 
 
 def run(*arguments: object, stdin: bytes | None = None) -> Result:

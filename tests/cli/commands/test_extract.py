@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 
 from dlogen.cli.main import cli
 from dlogen.evaluation.camera import KINECT_V1, Capture, capture
-from dlogen.evaluation.synthetic import hose_centre_line
+from dlogen.evaluation.shapes import hose_centre_line
 from dlogen.io.cloud_files import read_raw, write_cloud
 from dlogen.stages.extract import extract
 

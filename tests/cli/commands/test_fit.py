@@ -10,7 +10,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from dlogen.cli.main import cli
-from dlogen.evaluation.synthetic import centre_line, sample_tube
+from dlogen.evaluation.shapes import centre_line
+from dlogen.evaluation.synthetic import sample_tube
 from dlogen.io.cloud_files import write_cloud
 
 LINE = centre_line("bent")

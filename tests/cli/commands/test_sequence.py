@@ -13,7 +13,8 @@ from click.testing import CliRunner, Result
 from moving import LENGTH, RADIUS, hose, line
 
 from dlogen.cli.main import cli
-from dlogen.evaluation.synthetic import CentreLine, sample_tube
+from dlogen.evaluation.centre_line import CentreLine
+from dlogen.evaluation.synthetic import sample_tube
 from dlogen.io.cloud_files import read_cloud, write_cloud
 from dlogen.sequence.rigid_links import Shape, fit_links
 

@@ -15,7 +15,8 @@ from places import SAMPLES
 
 from dlogen.cli.commands.synth import SHAPES
 from dlogen.cli.main import cli
-from dlogen.evaluation.synthetic import TABLE_I, CentreLine, centre_line, from_points
+from dlogen.evaluation.centre_line import CentreLine, from_points
+from dlogen.evaluation.shapes import TABLE_I, centre_line
 from dlogen.io.cloud_files import read_cloud, read_raw
 from dlogen.io.curves.curve import load_curve
 

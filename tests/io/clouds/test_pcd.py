@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from dlogen.errors import InputError
 from dlogen.io.cloud_files import read_raw, write_cloud
-from dlogen.io.clouds.lzf import compress
 from dlogen.io.clouds.pcd import read
+from dlogen.io.parsing.lzf import compress
 from dlogen.types import RawCloud
 
 POINTS = np.array([[0.5, -2.5, 3.0], [4.0, 5.25, -6.0], [1.0, 7.0, 8.5], [9.0, -10.0, 0.0]])

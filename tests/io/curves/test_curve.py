@@ -17,16 +17,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dlogen.cli.console import dump_json
 from dlogen.errors import InputError
-from dlogen.evaluation.synthetic import centre_line, sample_tube, write_truth
+from dlogen.evaluation.comparison import compare
+from dlogen.evaluation.shapes import centre_line
+from dlogen.evaluation.synthetic import sample_tube, write_truth
 from dlogen.geometry.mdtw import mdtw
 from dlogen.geometry.polyline import arc_lengths, resample
 from dlogen.io.cloud_files import write_cloud
-from dlogen.io.curves.curve import KINDS, Curve, compare, load_curve
+from dlogen.io.curves.curve import KINDS, Curve, load_curve
+from dlogen.io.json_text import dump_json
 from dlogen.io.models import chain as chain_json
 from dlogen.io.models import urdf
-from dlogen.io.models.report import report_dict
+from dlogen.io.report import report_dict
 from dlogen.types import Result, Skeleton
 
 HOOK = np.array([[0.0, 0, 0.1], [0.3, 0, 0.1], [0.3, 0.2, 0.1], [0.3, 0.2, -0.25]])

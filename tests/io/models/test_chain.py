@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from dlogen.evaluation.synthetic import centre_line, hose_centre_line, random_centre_line
+from dlogen.evaluation.shapes import centre_line, hose_centre_line, random_centre_line
 from dlogen.geometry.basis import CubicBSpline, InverseQuadratic
 from dlogen.io.models.chain import write
 from dlogen.io.registry import model_format

@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 
-from dlogen.evaluation.synthetic import hose_centre_line, random_centre_line
+from dlogen.evaluation.shapes import hose_centre_line, random_centre_line
 from dlogen.geometry.tube_mesh import tube_mesh
 from dlogen.io.registry import model_format
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dlogen.config.presets import PRESETS
 from dlogen.errors import FitError
 from dlogen.io.models.mjcf import MOST_SEGMENTS, write
-from dlogen.multibody.materials import PRESETS
 from dlogen.multibody.model import MultibodyModel, multibody
 from dlogen.stages.chain import build_chain
 from dlogen.types import Joints, Result

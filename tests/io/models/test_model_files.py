@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dlogen.evaluation.synthetic import hose_centre_line
+from dlogen.evaluation.shapes import hose_centre_line
 from dlogen.io.registry import model_format, model_formats
 
 NAMES = [item.name for item in model_formats()]

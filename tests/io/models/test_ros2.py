@@ -16,7 +16,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dlogen.evaluation.synthetic import hose_centre_line
+from dlogen.evaluation.shapes import hose_centre_line
 from dlogen.io.models.ros2 import files, package_name, write
 from dlogen.io.registry import model_format
 

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from dlogen.evaluation.synthetic import centre_line, hose_centre_line, random_centre_line
+from dlogen.evaluation.shapes import centre_line, hose_centre_line, random_centre_line
 from dlogen.geometry.rotations import roll_pitch_yaw
 from dlogen.io.models.urdf import write
 from dlogen.multibody.model import multibody

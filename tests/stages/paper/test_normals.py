@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlogen.evaluation.synthetic import centre_line, random_centre_line, sample_tube
+from dlogen.evaluation.shapes import centre_line, random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
 from dlogen.stages.paper.normals import choose_neighbours, estimate_normals, orient_normals, outwardness
 
 UPWARDS = (0.0, 0.0, -1.0)  # the direction of a viewer that looks down

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dlogen.errors import FitError
-from dlogen.evaluation.synthetic import centre_line, random_centre_line
+from dlogen.evaluation.shapes import centre_line, random_centre_line
 from dlogen.geometry.basis import CubicBSpline, InverseQuadratic
 from dlogen.geometry.mdtw import mdtw
 from dlogen.stages.paper.skeleton import choose_beta, fit_skeleton, paper_basis

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import kendalltau
 
-from dlogen.evaluation.synthetic import SyntheticCloud, centre_line, random_centre_line, sample_tube
+from dlogen.evaluation.shapes import centre_line, random_centre_line
+from dlogen.evaluation.synthetic import SyntheticCloud, sample_tube
 from dlogen.stages.paper.normals import choose_neighbours, estimate_normals, orient_normals
 from dlogen.stages.paper.projection import project
 from dlogen.stages.paper.sorting import default_start, local_direction, sort_points

@@ -4,24 +4,24 @@ import numpy as np
 import pytest
 
 from dlogen.errors import FitError
-from dlogen.evaluation.synthetic import centre_line, from_points, random_centre_line, sample_tube
+from dlogen.evaluation.centre_line import from_points
+from dlogen.evaluation.shapes import centre_line, random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
+from dlogen.geometry.curvature import max_curvature
 from dlogen.pipeline import fit
+from dlogen.stages.prepare import MIN_POINTS, check_points, far_away
 from dlogen.stages.quality.checks import (
-    MIN_POINTS,
     check_bends,
-    check_cross_section,
     check_followed,
     check_line,
-    check_points,
     check_radius,
     check_radius_along,
-    check_walk,
-    far_away,
     on_surface,
 )
+from dlogen.stages.quality.cross_section import check_cross_section
 from dlogen.stages.quality.residual import foot_points
+from dlogen.stages.quality.walk import check_walk
 from dlogen.stages.scale import estimate_scale
-from dlogen.stages.segmentation.curvature import max_curvature
 
 
 def refusal(points, **options) -> str:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlogen.evaluation.synthetic import from_points, loop_centre_line, sample_tube
+from dlogen.evaluation.centre_line import from_points
+from dlogen.evaluation.shapes import loop_centre_line
+from dlogen.evaluation.synthetic import sample_tube
 from dlogen.geometry.polyline import arc_lengths, resample
 from dlogen.pipeline import fit
 from dlogen.stages.quality.contacts import check_contacts, find_contacts

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dlogen.evaluation.synthetic import CentreLine, random_centre_line, sample_tube
+from dlogen.evaluation.centre_line import CentreLine
+from dlogen.evaluation.shapes import random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
 from dlogen.pipeline import fit
 
 RADIUS = 0.012

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dlogen.evaluation.synthetic import centre_line, random_centre_line, sample_tube
+from dlogen.evaluation.shapes import centre_line, random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
 from dlogen.stages.quality.residual import foot_points, tube_residual
 
 

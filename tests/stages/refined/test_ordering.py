@@ -7,15 +7,9 @@ import pytest
 from places import DATA
 
 from dlogen.errors import FitError
-from dlogen.evaluation.synthetic import (
-    CentreLine,
-    centre_line,
-    coil_centre_line,
-    from_points,
-    loop_centre_line,
-    random_centre_line,
-    sample_tube,
-)
+from dlogen.evaluation.centre_line import CentreLine, from_points
+from dlogen.evaluation.shapes import centre_line, coil_centre_line, loop_centre_line, random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
 from dlogen.stages.quality.contacts import check_contacts, find_contacts
 from dlogen.stages.refined.ordering import order
 

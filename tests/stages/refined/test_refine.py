@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from dlogen.errors import FitError
-from dlogen.evaluation import synthetic
+from dlogen.evaluation import shapes
+from dlogen.evaluation.centre_line import from_points
+from dlogen.evaluation.synthetic import sample_tube
 from dlogen.geometry.arc_length import arc_length_table, even_parameters
 from dlogen.stages.refined.refine import refine
 
@@ -41,12 +43,12 @@ def errors(out, line):
 
 
 def random_line(seed, bend=0.1, **options):
-    return synthetic.random_centre_line(seed, min_bend_radius=bend, **({"clearance": min(bend, 0.06)} | options))
+    return shapes.random_centre_line(seed, min_bend_radius=bend, **({"clearance": min(bend, 0.06)} | options))
 
 
 @pytest.fixture(scope="module")
 def noisy():
-    return synthetic.sample_tube(random_line(1), 12 * MM, 5000, 1, noise=1 * MM)
+    return sample_tube(random_line(1), 12 * MM, 5000, 1, noise=1 * MM)
 
 
 @pytest.fixture(scope="module")
@@ -56,9 +58,9 @@ def noisy_fit(noisy):
 
 CASES = {
     # name: line, radius, points, options, and the largest mean, maximum (mm) and relative length error
-    "bent": (synthetic.centre_line("bent"), 20, 5000, {}, (0.01, 0.1, 1e-3)),
-    "straight": (synthetic.centre_line("straight"), 20, 5000, {}, (0.01, 0.1, 1e-3)),
-    "helical": (synthetic.centre_line("helical"), 20, 5000, {}, (0.01, 0.1, 1e-3)),
+    "bent": (shapes.centre_line("bent"), 20, 5000, {}, (0.01, 0.1, 1e-3)),
+    "straight": (shapes.centre_line("straight"), 20, 5000, {}, (0.01, 0.1, 1e-3)),
+    "helical": (shapes.centre_line("helical"), 20, 5000, {}, (0.01, 0.1, 1e-3)),
     "noise": (random_line(2), 12, 5000, {"noise": 1 * MM}, (0.18, 0.8, 2e-3)),
     "one side": (random_line(3), 15, 5000, {"noise": 1 * MM, "side": (0.3, 0.2, -1.0)}, (0.4, 2.0, 5e-3)),
     "plane": (
@@ -71,9 +73,9 @@ CASES = {
     "strays": (random_line(5), 12, 5000, {"noise": 0.5 * MM, "stray_fraction": 0.1}, (0.1, 0.6, 3e-3)),
     "gaps": (random_line(6), 12, 5000, {"noise": 0.5 * MM, "gaps": [(0.3, 0.34), (0.62, 0.66)]}, (0.15, 1.5, 2e-3)),
     "uneven": (random_line(7), 12, 5000, {"noise": 0.5 * MM, "density_ratio": 10.0}, (0.1, 0.8, 5e-3)),
-    "crossing": (synthetic.loop_centre_line(1.4, 60 * MM), 12, 5000, {"noise": 0.5 * MM}, (0.1, 0.8, 2e-3)),
-    "touching": (synthetic.loop_centre_line(1.4, 25.2 * MM), 12, 5000, {"noise": 0.5 * MM}, (0.1, 0.8, 2e-3)),
-    "coil": (synthetic.coil_centre_line(1.4, 25.2 * MM), 12, 5000, {"noise": 0.5 * MM}, (0.1, 0.8, 2e-3)),
+    "crossing": (shapes.loop_centre_line(1.4, 60 * MM), 12, 5000, {"noise": 0.5 * MM}, (0.1, 0.8, 2e-3)),
+    "touching": (shapes.loop_centre_line(1.4, 25.2 * MM), 12, 5000, {"noise": 0.5 * MM}, (0.1, 0.8, 2e-3)),
+    "coil": (shapes.coil_centre_line(1.4, 25.2 * MM), 12, 5000, {"noise": 0.5 * MM}, (0.1, 0.8, 2e-3)),
     "wire": (random_line(8, clearance=0.05), 1.5, 5000, {"noise": 0.5 * MM}, (0.1, 0.6, 3e-3)),
     "few points": (random_line(9), 12, 300, {"noise": 0.5 * MM}, (0.35, 1.8, 1e-2)),
     "tight": (random_line(10, bend=0.036), 12, 5000, {"noise": 0.5 * MM}, (0.2, 1.0, 3e-3)),
@@ -85,7 +87,7 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_axis_length_and_radius(name):
     line, radius, count, options, (mean, largest, length) = CASES[name]
-    cloud = synthetic.sample_tube(line, radius * MM, count, 7, **options)
+    cloud = sample_tube(line, radius * MM, count, 7, **options)
     out = fit(cloud)
     found = errors(out, line)
     assert found[0] < mean * MM
@@ -107,7 +109,7 @@ def test_axis_length_and_radius(name):
 def test_largest_curvature(noise, tolerance):
     deviations = []
     for seed in (21, 22, 23):
-        cloud = synthetic.sample_tube(random_line(seed), 12 * MM, 5000, seed, noise=noise)
+        cloud = sample_tube(random_line(seed), 12 * MM, 5000, seed, noise=noise)
         out = fit(cloud, seed)
         deviations.append(out.max_curvature / cloud.truth.max_curvature() - 1.0)
         assert abs(deviations[-1]) < 4.0 * out.curvature_std / out.max_curvature + 0.02
@@ -121,7 +123,7 @@ def test_parameter_is_arc_length(noisy_fit):
 
 
 def test_gaps_are_found_where_they_are(noisy_fit):
-    cloud = synthetic.sample_tube(random_line(6), 12 * MM, 5000, 8, noise=0.5 * MM, gaps=[(0.3, 0.34), (0.62, 0.66)])
+    cloud = sample_tube(random_line(6), 12 * MM, 5000, 8, noise=0.5 * MM, gaps=[(0.3, 0.34), (0.62, 0.66)])
     out = fit(cloud)
     assert np.allclose(out.gaps, [(0.3, 0.34), (0.62, 0.66)], atol=0.004)
     assert noisy_fit.gaps == ()
@@ -183,7 +185,7 @@ def test_residuals_are_distances_to_the_surface(noisy_fit, noisy):
 
 
 def test_noise_hides_the_radius():
-    cloud = synthetic.sample_tube(random_line(5, clearance=0.05), 1.5 * MM, 5000, 3, noise=1.2 * MM)
+    cloud = sample_tube(random_line(5, clearance=0.05), 1.5 * MM, 5000, 3, noise=1.2 * MM)
     out = fit(cloud, guess=1.0)
     assert not out.radius_identifiable
     assert out.radius == cloud.radius
@@ -194,8 +196,8 @@ def test_noise_hides_the_radius():
 def test_ends_have_an_error_as_large_as_reported():
     off, std = [], []
     for seed in range(12):
-        line = synthetic.centre_line("straight")
-        cloud = synthetic.sample_tube(line, 20 * MM, 2000, seed, noise=0.5 * MM)
+        line = shapes.centre_line("straight")
+        cloud = sample_tube(line, 20 * MM, 2000, seed, noise=0.5 * MM)
         out = refine(cloud.points, line.points(30), cloud.radius)
         ends = np.einsum("ij,ij->i", out.skeleton([0.0, 1.0]) - line([0.0, 1.0]), line.tangents([0.0, 1.0]))
         off += [-ends[0], ends[1]]
@@ -214,7 +216,7 @@ def _curl(angle, past):
     flat = np.concatenate([np.c_[np.linspace(-0.4, 0.0, 200), np.zeros(200)], arc[1:], tail])
     s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(flat, axis=0), axis=1)))
     rise = np.clip((s - 0.4) / (s[-1] - 0.5), 0.0, 1.0)
-    return synthetic.from_points(np.c_[flat, 2.1 * radius * rise**2 * (3.0 - 2.0 * rise)][::5])
+    return from_points(np.c_[flat, 2.1 * radius * rise**2 * (3.0 - 2.0 * rise)][::5])
 
 
 @pytest.mark.parametrize(
@@ -230,7 +232,7 @@ def _curl(angle, past):
 )
 def test_an_end_that_touches_another_strand_is_where_it_is(angle, past, noise, side, seed):
     line = _curl(angle, past)
-    cloud = synthetic.sample_tube(line, 10 * MM, 5000, seed, noise=noise * MM, side=side)
+    cloud = sample_tube(line, 10 * MM, 5000, seed, noise=noise * MM, side=side)
     out = fit(cloud, guess=1.0)
     ends, truth = out.skeleton([0.0, 1.0]), line([0.0, 1.0])
     assert np.linalg.norm(ends - truth, axis=1).max() < 0.1 * cloud.radius

@@ -6,6 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dlogen.stages.refined.ends import find_ends, find_gaps
+from dlogen.stages.refined.linearisation import Linearisation
+from dlogen.stages.refined.normal_equations import normals
+from dlogen.stages.refined.tube import expected_distance, tukey
 from dlogen.stages.refined.tube_curve import (
     TubeCurve,
     arc_table,
@@ -16,7 +19,6 @@ from dlogen.stages.refined.tube_curve import (
     reparametrised,
     through,
 )
-from dlogen.stages.refined.tube_fit import Linearisation, expected_distance, normals, tukey
 
 
 def helix(t, radius=0.3, rise=0.1):

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dlogen.evaluation.synthetic import centre_line, hose_centre_line, random_centre_line
-from dlogen.stages.segmentation.curvature import curvature, max_curvature, max_segment_length
+from dlogen.evaluation.shapes import centre_line, hose_centre_line, random_centre_line
+from dlogen.geometry.curvature import curvature, max_curvature
+from dlogen.stages.segmentation.segment_length import max_segment_length
 
 lengths = st.floats(1e-4, 10.0)
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
 from dlogen.errors import FitError
-from dlogen.evaluation.synthetic import centre_line, hose_centre_line
+from dlogen.evaluation.shapes import centre_line, hose_centre_line
 from dlogen.geometry.arc_length import arc_length
 from dlogen.geometry.basis import CubicBSpline, InverseQuadratic
 from dlogen.stages.segmentation.joints import place_joints

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlogen.evaluation.synthetic import random_centre_line
+from dlogen.evaluation.shapes import random_centre_line
 from dlogen.geometry.polyline import hausdorff
 from dlogen.stages.chain import deviation
 from dlogen.stages.segmentation.curve_table import CurveTable

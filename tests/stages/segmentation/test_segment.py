@@ -11,15 +11,16 @@ from hypothesis import strategies as st
 
 from dlogen.config.schema import Config
 from dlogen.errors import FitError
-from dlogen.evaluation.synthetic import hose_centre_line, random_centre_line
-from dlogen.io.models.report import report_dict
+from dlogen.evaluation.shapes import hose_centre_line, random_centre_line
+from dlogen.geometry.curvature import max_curvature
+from dlogen.io.report import report_dict
 from dlogen.pipeline import fit
 from dlogen.stages.chain import deviation
-from dlogen.stages.segmentation.curvature import max_curvature, max_segment_length
 from dlogen.stages.segmentation.curve_table import CurveTable, deviations, trace
 from dlogen.stages.segmentation.fewest_segments import fewest_segments, lay_chains
 from dlogen.stages.segmentation.joints import place_joints
 from dlogen.stages.segmentation.segment import Wish, segment
+from dlogen.stages.segmentation.segment_length import max_segment_length
 from dlogen.types import Joints, Segmentation, Skeleton
 
 ALL = Wish(alternatives=True)

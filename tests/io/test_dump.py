@@ -5,8 +5,9 @@ import io
 import numpy as np
 import pytest
 
-from dlogen.evaluation.synthetic import hose_centre_line, random_centre_line, sample_tube
-from dlogen.io.models.dump import dump_files
+from dlogen.evaluation.shapes import hose_centre_line, random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
+from dlogen.io.dump import dump_files
 from dlogen.pipeline import fit
 from dlogen.types import Cloud
 

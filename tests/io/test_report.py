@@ -5,12 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from dlogen.cli.console import dump_json
 from dlogen.config.schema import Config
-from dlogen.evaluation.synthetic import hose_centre_line, random_centre_line, sample_tube
+from dlogen.evaluation.shapes import hose_centre_line, random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
 from dlogen.geometry.mdtw import mdtw
 from dlogen.geometry.polyline import distance_to_polyline
-from dlogen.io.models.report import chain_dict, mdtw_dict, report_dict
+from dlogen.io.json_text import dump_json
+from dlogen.io.report import chain_dict, mdtw_dict, report_dict
 from dlogen.pipeline import fit
 from dlogen.types import Cloud, Finding, Quality
 

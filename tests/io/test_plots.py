@@ -11,8 +11,10 @@ import pytest
 
 from dlogen.errors import UsageError
 from dlogen.evaluation.paper_tables import Figure
-from dlogen.evaluation.synthetic import centre_line, sample_tube
-from dlogen.io.models.plots import _draw_error, _draw_views, canvas, evaluation_pictures, fit_picture
+from dlogen.evaluation.plots import evaluation_pictures
+from dlogen.evaluation.shapes import centre_line
+from dlogen.evaluation.synthetic import sample_tube
+from dlogen.io.plots import _draw_error, _draw_views, canvas, fit_picture
 from dlogen.pipeline import fit
 from dlogen.types import Finding, Quality, Result
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dlogen.io.clouds.lzf import MAX_RATIO, compress, decompress
+from dlogen.io.parsing.lzf import MAX_RATIO, compress, decompress
 
 # Few letters and repeats make matches, of all lengths and distances.
 _data = st.one_of(

@@ -9,7 +9,7 @@ from typing import BinaryIO
 import numpy as np
 
 from dlogen.errors import InputError
-from dlogen.io.clouds.cloud_table import (
+from dlogen.io.parsing.cloud_table import (
     CUT_OFF,
     Bytes,
     Place,
@@ -19,7 +19,7 @@ from dlogen.io.clouds.cloud_table import (
     refuse_claim,
     refuse_rows,
 )
-from dlogen.io.clouds.ply import Element
+from dlogen.io.parsing.ply_elements import Element
 from dlogen.types import Array, IntArray
 
 #: The properties to read, by the index of their element.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dlogen.stages.segmentation.curvature import curvature
+from dlogen.geometry.curvature import curvature
 from dlogen.types import Array, IntArray
 
 if TYPE_CHECKING:

@@ -1,0 +1,11 @@
+"""Findings at a place on the skeleton line."""
+
+from __future__ import annotations
+
+from dlogen.types import Finding, Skeleton
+
+
+def finding_at(line: Skeleton, code: str, message: str, severity: str, s: float) -> Finding:
+    """A finding at a coordinate of the line, with its place in space."""
+    x, y, z = (float(value) for value in line(s)[0])
+    return Finding(code, message, severity, s, (x, y, z))

@@ -1,0 +1,190 @@
+"""Which ends of pieces belong together: the joins of least bending energy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlogen.stages.refined.piece import Piece, parabola
+from dlogen.types import Array
+
+#: A join that bends tighter than this, in radii, is none.
+_TIGHTEST_BEND = 1.0
+
+#: A gap longer than this share of everything that was seen is not bridged.
+_LONGEST_GAP = 0.15
+
+#: Nor is one longer than this, in radii, whose bridge would turn by more than this, in radians.
+_BLIND = 8.0
+
+_BLIND_TURN = 1.8
+
+
+@dataclass(frozen=True)
+class Join:
+    """Two ends of pieces that belong together.
+
+    Attributes:
+        ends: numbers of the ends: 2 i is the first point of piece i, 2 i + 1 its last.
+        gap: distance between the two, metres.
+        cost: bending energy times radius, plus a little for the distance.
+        margin: how much more the next best way to join would cost.
+    """
+
+    ends: tuple[int, int]
+    gap: float
+    cost: float
+    margin: float
+
+
+def join_pieces(pieces: list[Piece], radius: float) -> list[Join]:
+    """Join the ends of pieces so that the total cost is small: cheapest joins first, then exchanges.
+
+    No join closes a ring. Ends that nothing fits stay free.
+    """
+    total = sum(piece.length for piece in pieces)
+    cost = np.full((2 * len(pieces), 2 * len(pieces)), np.inf)
+    anchors = [_anchor(pieces[end // 2], end % 2, radius) for end in range(2 * len(pieces))]
+    for a in range(len(cost)):
+        for b in range(a + 1, len(cost)):
+            if a // 2 != b // 2 and _gap(pieces, a, b) < _LONGEST_GAP * total:
+                cost[a, b] = cost[b, a] = bending_cost(*anchors[a], *anchors[b], radius)
+    chosen: list[tuple[int, int]] = []
+    for flat in np.argsort(cost, axis=None, kind="stable"):
+        a, b = divmod(int(flat), len(cost))
+        if not np.isfinite(cost[a, b]):
+            break
+        if a < b and _is_path([*chosen, (a, b)]):
+            chosen.append((a, b))
+    while True:
+        options = [option for number in range(len(chosen)) for option in _alternatives(chosen, number, cost)]
+        gain, better = min(options, key=lambda option: option[0], default=(0.0, chosen))
+        if gain > -1e-9:
+            break
+        chosen = better
+    joins = []
+    for number, (a, b) in enumerate(chosen):
+        margin = min((more for more, _ in _alternatives(chosen, number, cost)), default=np.inf)
+        joins.append(Join((a, b), _gap(pieces, a, b), float(cost[a, b]), float(margin)))
+    return joins
+
+
+def _tip(pieces: list[Piece], end: int) -> Array:
+    tip: Array = pieces[end // 2].points[-(end % 2)]
+    return tip
+
+
+def _gap(pieces: list[Piece], a: int, b: int) -> float:
+    return float(np.linalg.norm(_tip(pieces, a) - _tip(pieces, b)))
+
+
+def _anchor(piece: Piece, last: int, radius: float) -> tuple[Array, Array]:
+    """A point 1.5 radii inside an end, and the outward direction there.
+
+    The tip itself is where points were lost or mixed up with another strand.
+    """
+    points = piece.points[::-1] if last else piece.points
+    return parabola(points, 1.5 * radius, radius)
+
+
+def bending_cost(a: Array, heading_a: Array, b: Array, heading_b: Array, radius: float) -> float:
+    """Bending energy, times the radius, of the thin beam between two ends, plus a little for its turn and its length.
+
+    A beam of length L that leaves its chord by the small angles alpha at one end and beta at the other has the energy
+    4 (alpha^2 + alpha beta + beta^2) / L (integral of the squared curvature), which for an arc is its turn squared over
+    its length. Infinite if it bends too tightly, or too far where nothing was seen.
+
+    Args:
+        a, b: (3,) the ends, metres.
+        heading_a, heading_b: (3,) unit directions out of either piece.
+        radius: of the tube, metres.
+    """
+    chord = b - a
+    length = max(float(np.linalg.norm(chord)), radius)
+    chord = chord / length
+    alpha, beta = heading_a - chord, -heading_b - chord
+    tightest = max(float(np.linalg.norm(4 * alpha + 2 * beta)), float(np.linalg.norm(2 * alpha + 4 * beta))) / length
+    if tightest * _TIGHTEST_BEND * radius > 1.0:
+        return np.inf
+    turn = 2.0 * max(float(alpha @ alpha + alpha @ beta + beta @ beta), 0.0) ** 0.5
+    if length > _BLIND * radius and turn > _BLIND_TURN:
+        return np.inf
+    return turn**2 * radius / length + 0.05 * turn**2 + 0.02 * length / radius
+
+
+def _is_path(joins: list[tuple[int, int]]) -> bool:
+    """Whether every end is used once at most and nothing is closed to a ring."""
+    used: set[int] = set()
+    group: dict[int, int] = {}
+
+    def root(piece: int) -> int:
+        while piece in group:
+            piece = group[piece]
+        return piece
+
+    for a, b in joins:
+        if a in used or b in used or root(a // 2) == root(b // 2):
+            return False
+        used |= {a, b}
+        group[root(a // 2)] = root(b // 2)
+    return True
+
+
+def _alternatives(chosen: list[tuple[int, int]], number: int, cost: Array) -> list[tuple[float, list[tuple[int, int]]]]:
+    """Other ways to join the ends of one join, and how much more they cost: with free ends, or by an exchange."""
+    a, b = chosen[number]
+    others = chosen[:number] + chosen[number + 1 :]
+    busy = {end for join in chosen for end in join}
+    options = []
+    for free in range(len(cost)):
+        if free not in busy:
+            options += [(cost[end, free] - cost[a, b], [*others, (end, free)]) for end in (a, b)]
+    for position, (c, d) in enumerate(others):
+        rest = others[:position] + others[position + 1 :]
+        before = cost[a, b] + cost[c, d]
+        options.append((cost[a, c] + cost[b, d] - before, [*rest, (a, c), (b, d)]))
+        options.append((cost[a, d] + cost[b, c] - before, [*rest, (a, d), (b, c)]))
+    return [(float(more), joins) for more, joins in options if np.isfinite(more) and _is_path(joins)]
+
+
+def chains(count: int, joins: list[Join]) -> list[tuple[list[tuple[int, bool]], list[Join]]]:
+    """Follow the joins from end to end.
+
+    Args:
+        count: number of pieces.
+        joins: between their ends, without rings.
+
+    Returns:
+        For each chain its pieces in order, with whether they are reversed, and the joins between them.
+    """
+    partner = {end: (other, join) for join in joins for end, other in (join.ends, join.ends[::-1])}
+    result = []
+    done: set[int] = set()
+    for end in range(2 * count):
+        if end // 2 in done or end in partner:
+            continue
+        order, between = [], []
+        while True:
+            order.append((end // 2, end % 2 == 1))
+            done.add(end // 2)
+            if end ^ 1 not in partner:
+                break
+            end, join = partner[end ^ 1]
+            between.append(join)
+        result.append((order, between))
+    return result
+
+
+def bridge(a: Array, heading_a: Array, b: Array, heading_b: Array, step: float) -> Array:
+    """Points about a step apart on the cubic between two ends, the ends left out: (J, 3)."""
+    length = float(np.linalg.norm(b - a))
+    count = max(round(length / step), 1)
+    t = (np.arange(1, count) / count)[:, None]
+    points: Array = (
+        (2 * t**3 - 3 * t**2 + 1) * a
+        + (t**3 - 2 * t**2 + t) * length * heading_a
+        + (3 * t**2 - 2 * t**3) * b
+        + (t**3 - t**2) * length * -heading_b
+    )
+    return points

@@ -1,0 +1,14 @@
+"""Array types."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+IntArray = npt.NDArray[np.intp]
+
+
+BoolArray = npt.NDArray[np.bool_]

@@ -1,0 +1,86 @@
+"""Point clouds: as their files have them, and clean."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from dlogen.types.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class RawCloud:
+    """A cloud as its file has it: file order, NaN points kept, the file's own units.
+
+    Attributes:
+        points: (M, 3) float64.
+        normals: (M, 3) float64, if the file stores any.
+        viewpoint: (7,) sensor pose tx ty tz qw qx qy qz, if the file stores one.
+        width, height: height > 1 for organised clouds (row-major, width * height = M).
+        fields: names of all per-point fields of the file, in file order.
+        format: registered name of the format ("ply", "pcd").
+        encoding: how the points are stored ("ascii", "binary_little_endian", "binary_compressed", ...).
+        comments: comment lines of the header, without the keyword.
+        sha256: of the file, if there is one.
+    """
+
+    points: Array
+    normals: Array | None = None
+    viewpoint: Array | None = None
+    width: int = 0
+    height: int = 1
+    fields: tuple[str, ...] = ("x", "y", "z")
+    format: str = ""
+    encoding: str = ""
+    comments: tuple[str, ...] = ()
+    sha256: str = ""
+
+    @property
+    def organised(self) -> bool:
+        """Whether the points are the pixels of an image."""
+        return self.height > 1
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """How many points were left out on reading, by reason."""
+
+    non_finite: int = 0
+    duplicates: int = 0
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a cloud came from."""
+
+    name: str
+    format: str
+    encoding: str
+    fields: tuple[str, ...]
+    declared_points: int
+    width: int
+    height: int
+    sha256: str
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """A clean cloud: finite, free of exact duplicates.
+
+    Attributes:
+        points: (M, 3) float64.
+        normals: (M, 3) as stored in the file but of unit length (zero for the few that are not usable), or None.
+        viewpoint: (3,) position of the sensor in the frame of the points, or None.
+        dropped: counts of what was left out on reading.
+        source: file that it was read from; None for arrays.
+        orientation: (4,) quaternion qw qx qy qz of the sensor, if the file stores one.
+    """
+
+    points: Array
+    normals: Array | None = None
+    viewpoint: Array | None = None
+    dropped: Dropped = field(default_factory=Dropped)
+    source: Source | None = None
+    orientation: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.points)

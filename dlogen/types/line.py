@@ -1,0 +1,76 @@
+"""The skeleton line and what leads to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from dlogen.types.arrays import Array, IntArray
+
+
+class Basis(Protocol):
+    """N functions of s in [0, 1]."""
+
+    @property
+    def size(self) -> int:
+        """N."""
+        ...
+
+    @property
+    def margin(self) -> float:
+        """Stretch of s at either end where the functions, not the data, make the curvature."""
+        ...
+
+    def __call__(self, s: Array, derivative: int = 0) -> Array:
+        """Values, or derivatives with respect to s, of all functions: (K,) -> (K, N)."""
+        ...
+
+    def combine(self, s: Array, weights: Array, derivative: int = 0) -> Array:
+        """The weighted sum of the functions (Eq. 7) or its derivative: (K,), (N, 3) -> (K, 3)."""
+        ...
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything needed to evaluate the basis again."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class SortedPoints:
+    """Projected points in their order along the object (the paper's P_s and s_s).
+
+    Attributes:
+        index: (K,) indices into the stage's input, in order along the object; K <= M.
+        s: (K,) material coordinate in [0, 1], non-decreasing.
+        length: length of the walk, metres.
+        unreached: (M - K,) indices of points that the walk did not reach.
+    """
+
+    index: IntArray
+    s: Array
+    length: float
+    unreached: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """The skeleton line f(s) = sum_j W_j phi_j(s) + offset, s in [0, 1] (paper III.C, Eq. 7).
+
+    Attributes:
+        basis: the basis functions phi_j.
+        weights: (N, 3) the paper's W, metres.
+        offset: (3,) a constant added to the sum, metres. It keeps the sum accurate far from the origin.
+        length: arc length, metres.
+    """
+
+    basis: Basis
+    weights: Array
+    offset: Array
+    length: float
+
+    def __call__(self, s: npt.ArrayLike, derivative: int = 0) -> Array:
+        """f(s) or its derivative with respect to s: (K,) -> (K, 3)."""
+        value = self.basis.combine(np.atleast_1d(np.asarray(s, dtype=float)), self.weights, derivative)
+        return value + self.offset if derivative == 0 else value

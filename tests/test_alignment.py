@@ -574,8 +574,8 @@ FRAMES = [f"scan_{k}" for k in range(4, 13)]
 SHORT, BROKEN = "scan_7", "scan_10"
 GOOD = [name for name in FRAMES if name not in (SHORT, BROKEN)]
 LENGTH, THICK = 0.6, 0.01
-#: Angles by which the object is bent, by the names of the frames.
-BENDS = {name: 1.7 + 1.3 * np.sin(0.5 * k + 0.3) for k, name in enumerate(FRAMES)}
+#: Angles by which the object is bent, by the names of the frames. The most and the least are behind those set aside.
+BENDS = {name: 1.7 + 1.3 * np.cos(0.7 * k - 2.66) for k, name in enumerate(FRAMES)}
 
 
 def arc(bend: float, turn: float, length: float) -> CentreLine:

@@ -21,6 +21,7 @@ def run(*arguments: str | Path, status: int = 0) -> str:
     out, messages = io.StringIO(), io.StringIO()
     with (
         mock.patch.object(sys, "argv", ["dlogen", *map(str, arguments)]),
+        mock.patch.dict(os.environ),  # the command sets a variable
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(messages),
         pytest.raises(SystemExit) as ended,

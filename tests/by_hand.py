@@ -262,7 +262,11 @@ def read_sdf(path: Path) -> Model:
         name, child = joint.attrib["name"], _found(joint, "child").text or ""
         assert _found(joint, "pose").attrib["relative_to"] == _found(joint, "parent").text == steps[-1].child
         assert _found(links[child], "pose").attrib["relative_to"] == name
-        axes = [np.array(_numbers(_found(joint, f"{tag}/xyz").text)) for tag in ("axis", "axis2") if joint.find(tag)]
+        axes = [
+            np.array(_numbers(_found(joint, f"{tag}/xyz").text))
+            for tag in ("axis", "axis2")
+            if joint.find(tag) is not None
+        ]
         hinges = tuple((f"{name}_{'xyz'[int(np.argmax(axis))]}", axis) for axis in axes)
         steps.append(Step(child, _from_angles(_numbers(_found(joint, "pose").text)), hinges))
     (tip,) = [frame for frame in model.findall("frame") if frame.get("attached_to") == steps[-1].child]

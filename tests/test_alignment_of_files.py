@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from by_command import run
 from by_hand import arc_lengths, at, evenly, feet, read_dump, same_rows, vectors
+from dlogen.synthetic import random_centre_line, sample_tube
 from odd_clouds import Rows, with_defects, write_pcd, write_ply
 
 import dlogen
-from dlogen.synthetic import random_centre_line, sample_tube
 
 Array = np.ndarray
 

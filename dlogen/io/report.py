@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dlogen.multibody.model import Joint, MultibodyModel, multibody
+from dlogen.multibody.build import multibody
+from dlogen.multibody.model import Joint, MultibodyModel
 from dlogen.types import Mdtw, Result, Segmentation
 
 CHAIN_SCHEMA = "dlogen.chain/1"

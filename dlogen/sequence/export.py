@@ -20,7 +20,7 @@ from dlogen.geometry.mdtw import mdtw
 from dlogen.geometry.polyline import resample
 from dlogen.io.json_text import dump_json
 from dlogen.io.report import model_dict
-from dlogen.multibody.model import multibody
+from dlogen.multibody.build import multibody
 from dlogen.sequence.outliers import Observed, Size
 from dlogen.sequence.trajectory import Motion
 from dlogen.types import Frame, Joints, Quality, Residual, Result, Segmentation, Skeleton

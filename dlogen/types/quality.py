@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from dlogen.types.arrays import Array, IntArray
+from dlogen.types.short_repr import ShortRepr
 
 
-@dataclass(frozen=True, eq=False)
-class Mdtw:
+@dataclass(frozen=True, eq=False, repr=False)
+class Mdtw(ShortRepr):
     """The modified dynamic time warping error between two sampled curves (paper IV.A, Eq. 21-22).
 
     Attributes:

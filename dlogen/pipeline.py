@@ -39,6 +39,7 @@ from dlogen.stages.quality.checks import (
     on_surface,
 )
 from dlogen.stages.quality.cross_section import check_cross_section
+from dlogen.stages.quality.findings import CLOSED_RING, GAP, NOISE, SETTINGS_NOT_USED, SIDE_BY_SIDE, STRAY_POINTS
 from dlogen.stages.quality.residual import foot_points, tube_residual
 from dlogen.stages.quality.walk import check_walk
 from dlogen.stages.scale import estimate_scale
@@ -220,9 +221,9 @@ def _refined_line(cloud: Cloud, config: Config, settings: dict[str, Any], clock:
     s, residual = fitted.s, fitted.residuals
     on_tube = fitted.inliers
     along = np.flatnonzero(on_tube)[np.argsort(s[on_tube], kind="stable")]
-    oval = any(item.code == "side-by-side" for item in ordering.findings)
+    oval = any(SIDE_BY_SIDE.matches(item) for item in ordering.findings)
     # The two ends of a ring overlap.
-    ring = any(item.code == "closed-ring" and item.severity == "bad" for item in ordering.findings)
+    ring = any(CLOSED_RING.matches(item) and item.is_bad for item in ordering.findings)
     even = skeleton(even_parameters(skeleton, round(skeleton.length / radius) + 1))
     return _Line(
         skeleton,
@@ -252,12 +253,12 @@ def _left_out(count: int) -> list[Finding]:
     if count == 0:
         return []
     message = f"left out {count} point{'s' if count > 1 else ''} very far from all others: missing data, it seems"
-    return [Finding("stray-points", message, "note")]
+    return [STRAY_POINTS.found(message, "note")]
 
 
 def _explained(error: FitError, findings: tuple[Finding, ...]) -> FitError:
     """What was wrong before, if anything was: a line through what is no line fails later, in ways that say little."""
-    bad = next((finding for finding in findings if finding.severity == "bad"), None)
+    bad = next((finding for finding in findings if finding.is_bad), None)
     if bad is None:
         return error
     return FitError(
@@ -277,16 +278,14 @@ def _setting(config: Config, key: str) -> Any:
 
 
 def _not_used(keys: list[str]) -> Finding:
-    return Finding(
-        "settings-not-used", f"settings of profile paper only, which this fit did not use: {', '.join(keys)}", "note"
-    )
+    return SETTINGS_NOT_USED.found(f"settings of profile paper only, which this fit did not use: {', '.join(keys)}")
 
 
 def _findings_of_refined(ordering: Ordering, fitted: Refined) -> tuple[Finding, ...]:
     """What ordering and fit found, each thing once."""
     line, radius = fitted.skeleton, fitted.radius
-    findings = [finding for finding in ordering.findings if finding.code != "gap"]
-    bridged = [finding for finding in ordering.findings if finding.code == "gap"]
+    findings = [finding for finding in ordering.findings if not GAP.matches(finding)]
+    bridged = [finding for finding in ordering.findings if GAP.matches(finding)]
     # The fit knows best where a gap begins and ends; short ones must have been noticed by the ordering as well.
     for start, end in fitted.gaps:
         middle, length = 0.5 * (start + end), (end - start) * line.length
@@ -294,22 +293,13 @@ def _findings_of_refined(ordering: Ordering, fitted: Refined) -> tuple[Finding, 
         bridged = [item for item in bridged if item not in seen]
         crossed = any(join.s[0] < end and start < join.s[1] for join in ordering.joins)
         if seen or crossed or length > 4.0 * radius:
-            doubt = any(item.severity != "note" for item in seen) or end - start > SMALL_GAP
-            x, y, z = (float(value) for value in line(middle)[0])
-            findings.append(
-                Finding(
-                    "gap",
-                    f"no points over {1e3 * length:.3g} mm ({100 * (end - start):.1f} % of the length): bridged",
-                    "doubtful" if doubt else "note",
-                    middle,
-                    (x, y, z),
-                )
-            )
+            doubt = any(not item.is_note for item in seen) or end - start > SMALL_GAP
+            message = f"no points over {1e3 * length:.3g} mm ({100 * (end - start):.1f} % of the length): bridged"
+            findings.append(GAP.at(line, middle, message, "doubtful" if doubt else "note"))
     share = fitted.noise / radius
     if share > 0.01:
         findings.append(
-            Finding(
-                "noise",
+            NOISE.found(
                 f"the points scatter by {1e3 * fitted.noise:.2g} mm, {100 * share:.0f} % of the radius",
                 "doubtful" if share > 0.5 else "note",
             )

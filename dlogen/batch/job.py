@@ -131,9 +131,7 @@ def work(plan: Plan, task: Task) -> Outcome:
         return Outcome(
             task.key,
             verdict=result.quality.verdict,
-            findings=tuple(
-                dict.fromkeys(item.code for item in result.quality.findings if item.severity != "note"),
-            ),
+            findings=tuple(dict.fromkeys(item.code for item in result.quality.warnings)),
             figures=figures_of(result),
             sha256=sha256,
             seconds=time.perf_counter() - start,

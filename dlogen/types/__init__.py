@@ -4,10 +4,11 @@ from dlogen.types.arrays import Array, BoolArray, IntArray
 from dlogen.types.chain import Chain, FewerSegments, Frame, Joints, Pose, Segmentation
 from dlogen.types.cloud import Cloud, Dropped, RawCloud, Source
 from dlogen.types.line import Basis, Skeleton, SortedPoints
-from dlogen.types.quality import Finding, Mdtw, Quality, Residual
+from dlogen.types.quality import SEVERITIES, Finding, Mdtw, Quality, Residual, Severity, Verdict
 from dlogen.types.result import Intermediate, Result
 
 __all__ = [
+    "SEVERITIES",
     "Array",
     "Basis",
     "BoolArray",
@@ -27,7 +28,9 @@ __all__ = [
     "Residual",
     "Result",
     "Segmentation",
+    "Severity",
     "Skeleton",
     "SortedPoints",
     "Source",
+    "Verdict",
 ]

@@ -110,12 +110,17 @@ class Quality:
         """ "good", "doubtful" or "bad"."""
         if self.is_good:
             return "good"
-        return "bad" if any(finding.is_bad for finding in self.findings) else "doubtful"
+        return "bad" if self.is_bad else "doubtful"
 
     @property
     def is_good(self) -> bool:
         """Whether no finding lowers the verdict."""
         return not self.warnings
+
+    @property
+    def is_bad(self) -> bool:
+        """Whether the chain cannot be used."""
+        return any(finding.is_bad for finding in self.findings)
 
 
 @dataclass(frozen=True)

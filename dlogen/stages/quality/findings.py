@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 if TYPE_CHECKING:
     from dlogen.types import Finding, Severity, Skeleton
@@ -28,7 +28,7 @@ class Explanation:
         where: the command whose outputs hold it; `dlogen batch` and `dlogen sequence` hold those of their fits as well.
         meaning: one sentence.
         what_to_do: one or more sentences.
-        severities: that it can have, from the mildest to the gravest; empty where there is only one way to have it.
+        severities: that it can have, from the mildest to the gravest; empty for reasons and failures, which have none.
     """
 
     code: str
@@ -46,6 +46,21 @@ class Explanation:
             "meaning": self.meaning,
             "what_to_do": self.what_to_do,
         }
+
+
+_Some = TypeVar("_Some", bound=Explanation)
+
+
+def declared(table: dict[str, _Some], item: _Some) -> _Some:
+    """Put an explanation into a table of them, by its code.
+
+    Raises:
+        ValueError: the code is in it already.
+    """
+    if item.code in table:
+        raise ValueError(f"the code {item.code!r} is declared twice")
+    table[item.code] = item
+    return item
 
 
 @dataclass(frozen=True)
@@ -98,10 +113,7 @@ REGISTRY: Mapping[str, Kind] = MappingProxyType(_declared)
 
 def _kind(code: str, severities: tuple[Severity, ...], meaning: str, what_to_do: str) -> Kind:
     """Declare a kind of finding."""
-    if code in _declared:
-        raise ValueError(f"the finding {code!r} is declared twice")
-    _declared[code] = Kind(code, "fit", meaning, what_to_do, severities)
-    return _declared[code]
+    return declared(_declared, Kind(code, "fit", meaning, what_to_do, severities))
 
 
 # Whether the cloud is one open line.
@@ -166,7 +178,7 @@ CROSSING = _kind(
 SIDE_BY_SIDE = _kind(
     "side-by-side",
     ("doubtful",),
-    "Two strands lie side by side, or the cross-section is not round as if they did: they may have been mixed up.",
+    "Two strands lie side by side and may have been mixed up; or the object is not round, which looks the same.",
     "Give r, the radius of one strand, so that they are told apart, or capture the object with its strands apart. An "
     "object that is not round, such as a flat cable, gets a round model.",
 )

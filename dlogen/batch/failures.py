@@ -55,6 +55,6 @@ WORKER_DIED = _failure(
 )
 INTERNAL = _failure(
     "internal",
-    "An error in dlogen itself.",
+    "This is a bug in dlogen.",
     "Run dlogen fit --debug on this cloud, which shows where it is, and report it.",
 )

@@ -64,7 +64,7 @@ def declared(table: dict[str, _Some], item: _Some) -> _Some:
 
 
 @dataclass(frozen=True)
-class Kind(Explanation):
+class FindingKind(Explanation):
     """A kind of finding about a cloud or its chain, which makes findings of this kind."""
 
     def found(
@@ -105,15 +105,15 @@ class Kind(Explanation):
         return finding.code == self.code
 
 
-_declared: dict[str, Kind] = {}
+_declared: dict[str, FindingKind] = {}
 
 #: All kinds of findings by their codes, in the order of what they are about.
-REGISTRY: Mapping[str, Kind] = MappingProxyType(_declared)
+REGISTRY: Mapping[str, FindingKind] = MappingProxyType(_declared)
 
 
-def _kind(code: str, severities: tuple[Severity, ...], meaning: str, what_to_do: str) -> Kind:
+def _kind(code: str, severities: tuple[Severity, ...], meaning: str, what_to_do: str) -> FindingKind:
     """Declare a kind of finding."""
-    return declared(_declared, Kind(code, "fit", meaning, what_to_do, severities))
+    return declared(_declared, FindingKind(code, "fit", meaning, what_to_do, severities))
 
 
 # Whether the cloud is one open line.
@@ -260,7 +260,7 @@ DEVIATION_ABOVE_E_MAX = _kind(
     "deviation-above-e_max",
     ("doubtful",),
     "The chain is farther from the line than e_max: its segments are as they were asked for, and too long for that.",
-    "Ask for more or shorter segments, leave their number and length at auto, or allow a larger e_max.",
+    "Ask for more or shorter segments, leave the settings in segmentation at auto, or allow a larger e_max.",
 )
 SETTINGS_NOT_USED = _kind(
     "settings-not-used",

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from dlogen.config.fields import AUTO
 from dlogen.config.schema import Config
 from dlogen.errors import InputError
 from dlogen.geometry.basis import basis_from_dict
 from dlogen.io.report import CHAIN_SCHEMA
-from dlogen.multibody.build import build_model
+from dlogen.multibody.build import ROOT, build_model
 from dlogen.multibody.model import MultibodyModel
 from dlogen.types import Array, Chain, Finding, Frame, Quality, Skeleton
 from dlogen.types.short_repr import ShortRepr
@@ -71,7 +72,7 @@ class LoadedChain(ShortRepr):
             self.config.joints,
             self.config.material,
             name=self.name,
-            **({} if self.frame.name == "cloud" else {"root": self.frame.name}),
+            root=ROOT if self.config.frame.name == AUTO else self.frame.name,
         )
 
     @property
@@ -119,9 +120,8 @@ def _read(path: Path) -> Mapping[str, Any]:
     except OSError as error:
         raise InputError(f"cannot read: {error.strerror or error}", "check the path", path=path) from error
     except (ValueError, RecursionError) as error:
-        raise InputError(
-            f"this is not valid JSON: {error}", "give NAME.json, as dlogen fit writes it", path=path
-        ) from None
+        hint = "give NAME.json, as dlogen fit writes it"
+        raise InputError(f"this is not valid JSON: {error}", hint, path=path) from None
     schema = data.get("schema") if isinstance(data, dict) else None
     if schema != CHAIN_SCHEMA:
         hint = "give NAME.json, not NAME.report.json" if schema == "dlogen.report/1" else "dlogen fit writes chains"
@@ -154,7 +154,7 @@ def _chain(name: str, data: Mapping[str, Any]) -> LoadedChain:
         frame=Frame(data["frame"], _array(data["frame_transform"], (4, 4))),
         e_max=float(data["e_max"]),
         max_deviation=float(data["max_deviation"]),
-        quality=Quality(tuple(_finding(item) for item in data["quality"]["findings"])),
+        quality=Quality(tuple(Finding.from_dict(item) for item in data["quality"]["findings"])),
         config=Config().resolved(_flat(data["provenance"]["config"])),
         provenance=dict(data["provenance"]),
     )
@@ -163,19 +163,11 @@ def _chain(name: str, data: Mapping[str, Any]) -> LoadedChain:
 def _array(value: Any, shape: tuple[int, ...]) -> Array:
     """Numbers of that shape; -1 stands for any length."""
     array = np.asarray(value, dtype=float)
-    if len(array.shape) != len(shape) or any(
-        want not in (-1, have) for want, have in zip(shape, array.shape, strict=True)
-    ):
+    if array.ndim != len(shape) or any(want not in (-1, have) for want, have in zip(shape, array.shape, strict=True)):
         raise ValueError(f"an array of the shape {array.shape} where {shape} is due")
     if not np.isfinite(array).all():
         raise ValueError("numbers that are not finite")
     return array
-
-
-def _finding(item: Mapping[str, Any]) -> Finding:
-    place = item.get("position")
-    position = None if place is None else (float(place[0]), float(place[1]), float(place[2]))
-    return Finding(item["code"], item["message"], item["severity"], item.get("s"), position)
 
 
 def _flat(nested: Mapping[str, Any]) -> dict[str, Any]:

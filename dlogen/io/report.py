@@ -141,7 +141,7 @@ def report_dict(result: Result, reference: dict[str, Any] | None = None) -> dict
         },
         "chosen": result.settings,
         "quality": quality_dict(result),
-        "warnings": [finding.message for finding in result.quality.findings if finding.severity != "note"],
+        "warnings": [finding.message for finding in result.quality.warnings],
     }
     if reference is not None:
         report["reference"] = reference

@@ -187,8 +187,8 @@ def forward_kinematics(model: MultibodyModel, values: npt.ArrayLike | None = Non
 
     Args:
         model: of a result or a loaded chain (`result.model`).
-        values: (n - 1, dof) joint values, radians; zero if left out, which is the scanned pose unless `joints.zero` says
-            otherwise.
+        values: (n - 1, dof) joint values, radians; zero if left out, which is the scanned pose unless `joints.zero`
+            says otherwise.
 
     Returns:
         (n + 1, 3) the paper's x_0 .. x_n, metres, in the root frame. `MultibodyModel.frames` gives the bodies' poses.

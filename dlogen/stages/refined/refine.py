@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from dlogen.errors import FitError
 from dlogen.geometry.basis import CubicBSpline
 from dlogen.geometry.sampling import spatial_sample
+from dlogen.stages.quality.findings import CURVATURE_UNCERTAIN, RADIUS_UNKNOWN
 from dlogen.stages.refined.ends import find_ends, find_gaps
 from dlogen.stages.refined.tube import Tube, expected_distance
 from dlogen.stages.refined.tube_curve import TubeCurve, arc_at, arc_table, from_polyline, reparametrised
@@ -402,9 +403,8 @@ def _findings(
     findings = []
     if not known:
         spread = f"to {100.0 * radius_std / radius:.0f} % only" if np.isfinite(radius_std) else "at this noise"
-        findings.append(Finding("radius-unknown", f"the points do not tell the radius {spread}: give r"))
+        findings.append(RADIUS_UNKNOWN.found(f"the points do not tell the radius {spread}: give r"))
     if kappa_std > _BEND_KNOWN * kappa and kappa * line.length > _STRAIGHT:
-        x, y, z = (float(value) for value in line(s_kappa)[0])
         message = f"the sharpest bend, radius {1e3 / kappa:.0f} mm, is known to {100.0 * kappa_std / kappa:.0f} % only"
-        findings.append(Finding("curvature-uncertain", message, "note", s_kappa, (x, y, z)))
+        findings.append(CURVATURE_UNCERTAIN.at(line, s_kappa, message))
     return tuple(findings)

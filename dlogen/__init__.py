@@ -18,7 +18,7 @@ _PUBLIC = {
     "Result": "dlogen.types",
     "Cloud": "dlogen.types",
     "Config": "dlogen.config.schema",
-    "load_config": "dlogen.config.schema",
+    "load_config": "dlogen.config.reader",
     "read_cloud": "dlogen.io.cloud_files",
     "write_cloud": "dlogen.io.cloud_files",
     "load_curve": "dlogen.io.curves.curve",

@@ -14,7 +14,8 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from dlogen._version import __version__
-from dlogen.config.schema import AUTO, Config
+from dlogen.config.fields import AUTO
+from dlogen.config.schema import Config
 from dlogen.errors import ConfigError, DlogenError, FitError
 from dlogen.geometry.arc_length import even_parameters
 from dlogen.geometry.curvature import max_curvature

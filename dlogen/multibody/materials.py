@@ -16,7 +16,7 @@ from dlogen.config.presets import PRESETS, Preset
 from dlogen.errors import ConfigError
 
 if TYPE_CHECKING:
-    from dlogen.config.schema import Material
+    from dlogen.config.sections import Material
 
 #: Density where nothing is said, kg/m^3: that of cable sheaths and rubber.
 GENERIC_DENSITY = 1200.0

@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dlogen.config.schema import AUTO, JointSettings, Material
+from dlogen.config.fields import AUTO
+from dlogen.config.sections import JointSettings, Material
 from dlogen.errors import ConfigError
 from dlogen.geometry.rotations import bend_and_twist_angles, bend_angles, hinges
 from dlogen.multibody.materials import Properties, properties

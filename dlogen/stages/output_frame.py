@@ -17,7 +17,7 @@ from dlogen.geometry.rotations import from_quaternion, hinges
 from dlogen.types import Array, Cloud, Finding, Frame, Intermediate, Quality, Result, Segmentation
 
 if TYPE_CHECKING:
-    from dlogen.config.schema import FrameSettings
+    from dlogen.config.sections import FrameSettings
 
 #: From an optical frame (z forward, x right, y down) to one of ROS (x forward, y left, z up), REP 103:
 #: x_ros = z_optical, y_ros = -x_optical, z_ros = -y_optical.

@@ -16,8 +16,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
+from dlogen.config.fields import AUTO
+from dlogen.config.reader import load_config
 from dlogen.config.rendering import json_schema, to_yaml
-from dlogen.config.schema import AUTO, Config, JointSettings, Material, Normals, Segmentation, config_keys, load_config
+from dlogen.config.schema import Config, config_keys
+from dlogen.config.sections import JointSettings, Material, Normals, Segmentation
 from dlogen.errors import ConfigError
 
 KEYS = config_keys()
@@ -77,7 +80,7 @@ def test_it_is_frozen_hashable_and_picklable():
 
 def test_importing_it_imports_neither_yaml_nor_numpy():
     code = (
-        "import sys, dlogen.config.schema as c; c.load_config(None, ['r=0.02']); "
+        "import sys, dlogen.config.reader as c; c.load_config(None, ['r=0.02']); "
         "print([*{'yaml', 'numpy'} & {*sys.modules}])"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from dlogen.config.defaults import PAPER_SIZE
 from dlogen.errors import DlogenError
 from dlogen.geometry.units import METRES, guess_units
 from dlogen.pipeline import search_radius
 from dlogen.stages.paper.normals import choose_neighbours
-from dlogen.stages.paper.skeleton import PAPER_SIZE
 from dlogen.stages.prepare import check_points, far_away
 from dlogen.stages.scale import estimate_scale
 from dlogen.types import Cloud

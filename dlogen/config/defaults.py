@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 #: N in the profile paper (IV.B).
-PAPER_N: Final = 21
+PAPER_SIZE: Final = 21
 
 #: `skeleton.tau: auto` is N over this (IV.B, where tau is printed as k).
 N_PER_TAU: Final = 4

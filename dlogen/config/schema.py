@@ -37,7 +37,7 @@ from dlogen.config.sections import (
 from dlogen.config.values import Values, flat, nested, read_mapping, read_value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False, eq=False)
 class Config(Section):
     """Everything that can be set. `Config()` is the default and fits most clouds.
 
@@ -164,7 +164,7 @@ class Config(Section):
 def config_keys() -> Keys:
     """All keys, with what they may hold."""
     kinds = _sections()
-    settings = Config.settings() | flat({section: kind.settings() for section, kind in kinds.items()})
+    settings = {**Config.settings()} | flat({section: kind.settings() for section, kind in kinds.items()})
     return Keys(settings, {section: kind.__doc__ or "" for section, kind in kinds.items()})
 
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dlogen.config.defaults import ROOT_LINK
 from dlogen.config.fields import AUTO
 from dlogen.config.sections import JointSettings, Material
 from dlogen.errors import ConfigError
@@ -210,7 +211,7 @@ def build_model(
     material: Material,
     *,
     name: str = "cable",
-    root: str = "base_link",
+    root: str = ROOT_LINK,
     recorded: tuple[Pose, ...] = (),
 ) -> MultibodyModel:
     """Bodies and joints of a chain (paper Eq. 1-2).

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dlogen.config.defaults import MIN_LAST, PLACEMENT
 from dlogen.errors import FitError
 from dlogen.geometry.curvature import max_curvature
 from dlogen.stages.chain import deviation
@@ -49,11 +50,11 @@ class Wish:
     """
 
     criterion: str = "fewest"
-    placement: str = "on-curve"
+    placement: str = PLACEMENT
     segments: int | None = None
     segment_length: float | None = None
     bend_radius: float | None = None
-    min_last: float = 0.5
+    min_last: float = MIN_LAST
     alternatives: bool = False
 
 

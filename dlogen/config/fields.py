@@ -1,7 +1,7 @@
 """What a configuration key may hold, and how a key is declared.
 
-A key is a field of a dataclass, made by one of the functions below: `r: float | Auto = number(AUTO, "Radius of the
-object.", unit="m", auto="estimated from the cloud", above=0)`. They state the type of the value to type checkers, as
+A key is a field of a dataclass, made by one of the functions below: `r: float | Auto = length(AUTO, "Radius of the
+object.", auto="estimated from the cloud")`. They state the type of the value to type checkers, as
 `dataclasses.field` does, and return a field that has its `Setting` as metadata.
 """
 
@@ -164,6 +164,11 @@ def number(
 ) -> _Number | float:
     """A number. The arguments are the attributes of `Setting`."""
     return _declared(default, Setting("number", help, unit, auto, above, least, most, also=also, sought=sought))
+
+
+def length(default: _Number, help: str, *, auto: str, sought: tuple[str, ...] = ()) -> _Number | float:
+    """A length in metres, greater than 0. The arguments are the attributes of `Setting`."""
+    return number(default, help, unit="m", auto=auto, above=0, sought=sought)
 
 
 def integer(

@@ -16,8 +16,9 @@ from dataclasses import dataclass, field, fields
 from functools import cache
 from typing import Any, Literal
 
+from dlogen.config.base import Section
 from dlogen.config.defaults import R_PER_E_MAX
-from dlogen.config.fields import AUTO, Auto, choice, integer, number
+from dlogen.config.fields import AUTO, Auto, choice, integer, length, number
 from dlogen.config.keys import Keys
 from dlogen.config.problems import Problem, refuse, show
 from dlogen.config.rules import contradictions
@@ -29,7 +30,6 @@ from dlogen.config.sections import (
     Normals,
     Projection,
     Report,
-    Section,
     Segmentation,
     SkeletonLine,
     Sorting,
@@ -58,20 +58,13 @@ class Config(Section):
         choices=("m", "mm", "cm", AUTO),
         sought=("unit", "scale"),
     )
-    r: float | Auto = number(
-        AUTO,
-        "Radius of the object.",
-        unit="m",
-        auto="estimated from the cloud",
-        above=0,
-        sought=("radius", "diameter", "thickness"),
+    r: float | Auto = length(
+        AUTO, "Radius of the object.", auto="estimated from the cloud", sought=("radius", "diameter", "thickness")
     )
-    r_n: float | Auto = number(
+    r_n: float | Auto = length(
         AUTO,
         "Search radius of the sorting walk (Eq. 5); at least the diameter 2 r.",
-        unit="m",
         auto="chosen from r and the spacing of the points",
-        above=0,
         sought=("search_radius", "sorting_radius", "neighbour_radius"),
     )
     N: int | Auto = integer(
@@ -90,12 +83,10 @@ class Config(Section):
         also=("β",),
         sought=("regularization", "regularisation", "lambda", "ridge", "ß"),
     )
-    e_max: float | Auto = number(
+    e_max: float | Auto = length(
         AUTO,
         "Largest distance allowed between the skeleton line and the chain (Eq. 17).",
-        unit="m",
         auto=f"r / {R_PER_E_MAX}, the paper's ratio",
-        above=0,
         sought=("max_error", "error", "tolerance", "accuracy"),
     )
     seed: int = integer(0, "Seed of everything random.", least=0, most=2**32 - 1, sought=("random_seed",))

@@ -9,11 +9,9 @@ people look for it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from functools import cache
-from typing import Any, cast
+from dataclasses import dataclass
 
+from dlogen.config.base import Section
 from dlogen.config.defaults import (
     CHAIN_FRAME,
     GENERIC_DAMPING_RATIO,
@@ -25,50 +23,11 @@ from dlogen.config.defaults import (
     PLACEMENT,
     ROOT_LINK,
 )
-from dlogen.config.fields import AUTO, Auto, Setting, choice, flag, integer, number, text
+from dlogen.config.fields import AUTO, Auto, choice, flag, integer, length, number, text
 from dlogen.config.presets import NO_PRESET, PRESETS
-from dlogen.config.problems import refuse, wrong_value
 
 #: What ROS and the model formats accept, without the names of the model's own links and joints.
 _FRAME_NAME = r"(?!(segment|joint)_|(base_joint|tip|tip_joint)$)[A-Za-z_][A-Za-z0-9_./-]*"
-
-
-class Section:
-    """Checks its settings when it is made. What a section is about stands in its docstring.
-
-    It compares and shows the settings of all sections. `dataclass` would write the source of that for each of them,
-    which Python compiles at every start: 2.5 of 24 ms.
-    """
-
-    @classmethod
-    @cache
-    def settings(cls) -> Mapping[str, Setting]:
-        """The settings among the fields, by name, in the order of declaration."""
-        own = fields(cast("Any", cls))
-        return {item.name: item.metadata["setting"] for item in own if "setting" in item.metadata}
-
-    def values(self) -> dict[str, Any]:
-        """The values of the settings, by name."""
-        return {name: getattr(self, name) for name in self.settings()}
-
-    def __repr__(self) -> str:
-        return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in vars(self).items())})"
-
-    def __eq__(self, other: object) -> bool:
-        return vars(self) == vars(other) if type(other) is type(self) else NotImplemented
-
-    def __hash__(self) -> int:
-        return hash(tuple(vars(self).values()))
-
-    def __post_init__(self) -> None:
-        problems = []
-        for name, setting in self.settings().items():
-            value = getattr(self, name)
-            try:
-                object.__setattr__(self, name, setting.read(value))
-            except ValueError as error:
-                problems.append(wrong_value("", name, value, setting, str(error)))
-        refuse(problems)
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -83,12 +42,10 @@ class Normals(Section):
         most=1000,
         sought=("neighbors", "k", "knn", "k_neighbours", "n_neighbours"),
     )
-    radius: float | Auto = number(
+    radius: float | Auto = length(
         AUTO,
         "Fit the plane of a normal to all points within this distance instead.",
-        unit="m",
         auto="not used: the nearest `neighbours` are",
-        above=0,
         sought=("normal_radius",),
     )
     orientation: str = choice(
@@ -156,12 +113,10 @@ class Segmentation(Section):
         most=10_000,
         sought=("n", "segment_count", "number_of_segments", "num_segments"),
     )
-    segment_length: float | Auto = number(
+    segment_length: float | Auto = length(
         AUTO,
         "Length of every segment but the last, whatever the deviation.",
-        unit="m",
         auto="not used: e_max decides",
-        above=0,
         sought=("l", "length", "l_max", "segment_size"),
     )
     curvature_max: float | Auto = number(
@@ -172,12 +127,10 @@ class Segmentation(Section):
         above=0,
         sought=("max_curvature", "kappa", "kappa_max", "curvature"),
     )
-    min_bend_radius: float | Auto = number(
+    min_bend_radius: float | Auto = length(
         AUTO,
         "Smallest radius that the object can be bent to, for Eq. 17 in place of the scan's.",
-        unit="m",
         auto="not used",
-        above=0,
         sought=("bend_radius", "r_kappa", "radius_of_curvature"),
     )
     min_last: float = number(
@@ -227,12 +180,10 @@ class JointSettings(Section):
         choices=("straight", "scan"),
         sought=("rest_shape", "springref"),
     )
-    min_bend_radius: float | Auto = number(
+    min_bend_radius: float | Auto = length(
         AUTO,
         "Smallest radius that the axis can be bent to, for the limits of the joints.",
-        unit="m",
         auto="not known: the joints turn by up to pi",
-        above=0,
         sought=("minimum_bending_radius", "bend_radius", "limits"),
     )
 
@@ -286,12 +237,10 @@ class Material(Section):
         least=0,
         sought=("bore", "hollow", "section"),
     )
-    wall_thickness: float | Auto = number(
+    wall_thickness: float | Auto = length(
         AUTO,
         "Thickness of the wall of a hollow object, instead of inner_radius.",
-        unit="m",
         auto="follows from inner_radius",
-        above=0,
         sought=("wall",),
     )
     youngs_modulus: float | Auto = number(

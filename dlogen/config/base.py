@@ -25,7 +25,7 @@ class Section:
         own = fields(cast("Any", cls))
         return {item.name: item.metadata["setting"] for item in own if "setting" in item.metadata}
 
-    def values(self) -> dict[str, Any]:
+    def own_values(self) -> dict[str, Any]:
         """The values of the settings, by name."""
         return {name: getattr(self, name) for name in self.settings()}
 

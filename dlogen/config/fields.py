@@ -22,7 +22,14 @@ _Number = TypeVar("_Number", bound="float | Auto")
 _Integer = TypeVar("_Integer", bound="int | Auto")
 _Word = TypeVar("_Word", bound=str)
 
+_Value = TypeVar("_Value")
+
 _DECIMAL = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
+
+
+def given(value: _Value | Auto) -> _Value | None:
+    """A setting as the user gave it; None where it is left to dlogen."""
+    return None if isinstance(value, str) and value == AUTO else value
 
 
 @dataclass(frozen=True)

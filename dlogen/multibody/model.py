@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -194,14 +194,14 @@ def multibody(result: Result, name: str | None = None) -> MultibodyModel:
     Raises:
         ConfigError: the settings do not fit the chain.
     """
-    settings: dict[str, Any] = result.settings
+    config = result.config
     return build_model(
         result.chain,
-        JointSettings(**settings.get("joints", {})),
-        Material(**settings.get("material", {})),
+        config.joints,
+        config.material,
         name=name or result.name,
         recorded=result.recorded,
-        root="base_link" if settings.get("frame", {}).get("name", AUTO) == AUTO else result.frame.name,
+        root=ROOT_LINK if config.frame.name == AUTO else result.frame.name,
     )
 
 

@@ -23,7 +23,7 @@ class Hose(Section):
 
 
 def test_a_declaration_gives_default_and_setting():
-    assert Hose().values() == {"size": AUTO, "turns": 3, "coiled": True, "colour": "red", "name": "it"}
+    assert Hose().own_values() == {"size": AUTO, "turns": 3, "coiled": True, "colour": "red", "name": "it"}
     assert [*Hose.settings()] == ["size", "turns", "coiled", "colour", "name"]
     size = Hose.settings()["size"]
     assert (size.kind, size.help, size.unit, size.auto) == ("number", "Size.", "m", "measured")
@@ -64,7 +64,7 @@ def test_they_are_equal_and_hashed_by_class_and_values():
     assert Hose(turns=4) == Hose(turns=4.0) != Hose()
     assert {Hose(turns=4), Hose(turns=4.0)} == {Hose(turns=4)}
     assert Other() == Other() != Other(coiled=False)
-    assert Other().values() == Same().values()
+    assert Other().own_values() == Same().own_values()
     assert Other() != Same()
     assert Other() != {"coiled": True}
 

@@ -18,6 +18,7 @@ from dlogen.multibody.materials import properties
 from dlogen.multibody.model import build_model
 from dlogen.stages.output_frame import output_frame
 from dlogen.stages.paper.skeleton import paper_basis
+from dlogen.stages.segmentation.specification import SegmentationSpec, allowed_deviation
 from dlogen.types import Cloud
 
 
@@ -40,7 +41,7 @@ def test_basis_of_the_paper():
 
 def test_deviation():
     assert auto("e_max") == "r / 2, the paper's ratio"
-    assert defaults.R_PER_E_MAX == 2
+    assert allowed_deviation(Config(), 0.02) == 0.02 / defaults.R_PER_E_MAX == 0.01  # Table III
 
 
 def test_samples_of_mdtw():
@@ -52,6 +53,9 @@ def test_samples_of_mdtw():
 def test_segmentation():
     assert Config().segmentation.placement == defaults.PLACEMENT == "on-curve"
     assert Config().segmentation.min_last == defaults.MIN_LAST == 0.5
+    spec = SegmentationSpec()
+    assert (spec.placement, spec.min_last) == ("on-curve", 0.5)
+    assert SegmentationSpec.of(Config()) == spec
 
 
 def test_material():

@@ -13,7 +13,6 @@ from dlogen.types.intermediate import Intermediate
 from dlogen.types.quality import Finding
 from dlogen.types.short_repr import ShortRepr
 
-
 #: How far beyond 0 and 1 a coordinate may be.
 _ROUNDING = 1e-9
 

@@ -85,14 +85,12 @@ def write(path: Path, cloud: RawCloud, encoding: str) -> None:
 
     from dlogen.geometry.rotations import from_quaternion
     from dlogen.io.parsing.cloud_table import records
-    from dlogen.io.parsing.ply_header import BYTE_ORDERS
     from dlogen.io.parsing.ply_writer import write_ply
 
-    order = BYTE_ORDERS.get(encoding, "<")
-    elements = {"vertex": records(cloud, ("nx", "ny", "nz"), order)}
+    elements = {"vertex": records(cloud, ("nx", "ny", "nz"))}
     if cloud.viewpoint is not None:
         pose = np.concatenate([cloud.viewpoint[:3], from_quaternion(cloud.viewpoint[3:]).ravel()])
-        elements["camera"] = np.array([tuple(pose)], dtype=[(name, order + "f8") for name in _CAMERA])
+        elements["camera"] = np.array([tuple(pose)], dtype=[(name, "<f8") for name in _CAMERA])
     comments = [" ".join(comment.split()) for comment in cloud.comments]
     info = [f"num_cols {cloud.width}", f"num_rows {cloud.height}"] if cloud.organised else []
     with path.open("wb") as stream:

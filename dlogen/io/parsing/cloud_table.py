@@ -67,20 +67,19 @@ def columns_table(columns: Sequence[npt.NDArray[Any]], rows: int) -> Array:
     return table
 
 
-def records(cloud: RawCloud, normal: tuple[str, str, str], order: str = "<") -> npt.NDArray[Any]:
-    """(M,) records of the coordinates x y z and, where there is one, the normal of each point.
+def records(cloud: RawCloud, normal: tuple[str, str, str]) -> npt.NDArray[Any]:
+    """(M,) little-endian records of the coordinates x y z and, where there is one, the normal of each point.
 
     Single precision where that is exact for all three, double precision elsewhere, so that nothing is lost.
 
     Args:
         cloud: the points.
         normal: what the parts of the normal are called.
-        order: numpy's sign of the byte order.
     """
     groups = [(("x", "y", "z"), cloud.points)]
     if cloud.normals is not None:
         groups.append((normal, cloud.normals))
-    layout = [(name, order + smallest_type(values)) for names, values in groups for name in names]
+    layout = [(name, "<" + smallest_type(values)) for names, values in groups for name in names]
     rows = np.empty(len(cloud.points), dtype=layout)
     for names, values in groups:
         for name, column in zip(names, values.T, strict=True):

@@ -1,7 +1,7 @@
 """The rows of PLY files: what stands after the header.
 
-Binary rows are mapped into memory by plyfile. Two things stay by hand, with the reason beside them: text, and lists
-of varying length.
+Binary rows are mapped into memory by plyfile, which is imported where that is done: it takes 0.6 ms once numpy is
+there. Two things stay by hand, with the reason beside them: text, and lists of varying length.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import BinaryIO
+from typing import BinaryIO, Literal
 
 from dlogen.errors import InputError
 from dlogen.io.parsing.cloud_header import DAMAGED, MAX_HEADER, bad_line, endless, shorten, whole_number
@@ -17,7 +17,7 @@ from dlogen.io.parsing.cloud_header import DAMAGED, MAX_HEADER, bad_line, endles
 ENCODINGS = ("binary_little_endian", "ascii", "binary_big_endian")
 
 #: Numpy's signs of the byte order.
-BYTE_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
+BYTE_ORDERS: dict[str, Literal["<", ">"]] = {"binary_little_endian": "<", "binary_big_endian": ">"}
 
 #: Types of PLY by numpy's codes. The first spelling of each is the original one of the format.
 TYPES = {

@@ -54,9 +54,8 @@ def read_rows(stream: BinaryIO, header: Header, wanted: Wanted) -> dict[int, Arr
     stream.seek(header.size)
     if is_text:
         return _read_text(stream, header, wanted)
-    order = BYTE_ORDERS[header.encoding]
     return {
-        index: _read_binary(stream, element, wanted.get(index, []), order)
+        index: _read_binary(stream, element, wanted.get(index, []), header.encoding)
         for index, element in enumerate(header.elements)
     }
 
@@ -104,7 +103,7 @@ class _ListPicker:
         return out
 
 
-def _read_binary(stream: BinaryIO, element: Element, columns: list[int], order: str) -> Array:
+def _read_binary(stream: BinaryIO, element: Element, columns: list[int], encoding: str) -> Array:
     """Columns of the element whose rows begin where the stream is; leaves the stream at their end."""
     if not element.rows or not element.properties:
         return np.empty((0, len(columns)))
@@ -112,9 +111,10 @@ def _read_binary(stream: BinaryIO, element: Element, columns: list[int], order: 
     size = os.fstat(stream.fileno()).st_size
     if not element.has_lists:
         refuse_claim(element.what, element.rows, element.smallest, size - start)
-        return columns_table(_mapped(stream, element, columns, order, []), element.rows)
+        return columns_table(_mapped(stream, element, columns, encoding, []), element.rows)
     from plyfile import PlyParseError
 
+    order = BYTE_ORDERS[encoding]
     data = _content(stream)
     walk = _RowWalk(data, element, order)
     _, end = walk(start, 0)
@@ -122,11 +122,11 @@ def _read_binary(stream: BinaryIO, element: Element, columns: list[int], order: 
     if isinstance(data, np.memmap) and element.rows * (end - start) <= size - start and end - start < _LARGEST_RECORD:
         stream.seek(start)
         try:
-            return columns_table(_mapped(stream, element, columns, order, walk.lengths), element.rows)
+            return columns_table(_mapped(stream, element, columns, encoding, walk.lengths), element.rows)
         except PlyParseError:
             pass
-    # Where they are not, rows are walked one by one by hand. plyfile takes 3 to 5 times as long, asks for the memory of
-    # a list before it looks whether the file has it (1 GB for 8 bytes that claim 2^27 doubles), and takes a list of -1
+    # Where they vary, rows are walked one by one by hand. plyfile takes 2.5 to 5 times as long, asks for the memory of a
+    # list before it looks whether the file has it (1 GB for 8 bytes that claim 2^27 doubles), and takes a list of -1
     # bytes for all that is left of the file.
     offsets = np.empty((element.rows, len(columns)), dtype=np.intp)
     end = start
@@ -151,7 +151,7 @@ def _content(stream: BinaryIO) -> Bytes:
 
 
 def _mapped(
-    stream: BinaryIO, element: Element, columns: list[int], order: str, lengths: list[int]
+    stream: BinaryIO, element: Element, columns: list[int], encoding: str, lengths: list[int]
 ) -> list[npt.NDArray[Any]]:
     """Columns of the element whose rows begin where the stream is, mapped into memory by plyfile.
 
@@ -159,7 +159,7 @@ def _mapped(
         stream: will be at the end of the rows.
         element: its rows, all of which are there.
         columns: the properties.
-        order: numpy's sign of the byte order.
+        encoding: of the file.
         lengths: of the list of each property, the same in all rows; empty where there are no lists.
 
     Raises:
@@ -167,14 +167,14 @@ def _mapped(
     """
     from plyfile import PlyData
 
-    encodings = {sign: encoding for encoding, sign in BYTE_ORDERS.items()}
-    lines = ["ply", f"format {encodings[order]} 1.0", f"element row {element.rows}"]
+    lines = ["ply", f"format {encoding} 1.0", f"element row {element.rows}"]
     for index, item in enumerate(element.properties):
         kind = f"list {_KEYWORDS[item.count]} {_KEYWORDS[item.type]}" if item.count else _KEYWORDS[item.type]
         lines.append(f"property {kind} p{index}")
     known = {f"p{index}": lengths[index] for index, item in enumerate(element.properties) if item.count}
     spelt = _OtherHeader("\n".join([*lines, "end_header", ""]).encode(), stream)
     rows = PlyData.read(spelt, known_list_len={"row": known})["row"].data
+    order = BYTE_ORDERS[encoding]
     return [rows[f"p{column}"].view(order + element.properties[column].type) for column in columns]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Literal
 
 import numpy.typing as npt
 
@@ -34,7 +34,7 @@ def write_ply(
     from plyfile import PlyData, PlyElement
 
     is_text = encoding == "ascii"
-    order = BYTE_ORDERS.get(encoding, "=")
+    order: Literal["<", ">", "="] = "=" if is_text else BYTE_ORDERS[encoding]
     parts = [PlyElement.describe(rows, name) for name, rows in elements.items()]
     if not is_text and all(comment.isascii() for comment in comments):
         PlyData(parts, byte_order=order, comments=comments, obj_info=info).write(stream)

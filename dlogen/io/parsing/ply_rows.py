@@ -125,8 +125,8 @@ def _read_binary(stream: BinaryIO, element: Element, columns: list[int], encodin
             return columns_table(_mapped(stream, element, columns, encoding, walk.lengths), element.rows)
         except PlyParseError:
             pass
-    # Where they vary, rows are walked one by one by hand. plyfile takes 2.5 to 5 times as long, asks for the memory of a
-    # list before it looks whether the file has it (1 GB for 8 bytes that claim 2^27 doubles), and takes a list of -1
+    # Where they vary, rows are walked one by one by hand. plyfile takes 2.5 to 5 times as long, asks for the memory of
+    # a list before it looks whether the file has it (1 GB for 8 bytes that claim 2^27 doubles), and takes a list of -1
     # bytes for all that is left of the file.
     offsets = np.empty((element.rows, len(columns)), dtype=np.intp)
     end = start

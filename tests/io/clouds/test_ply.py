@@ -3,7 +3,11 @@
 import struct
 
 import numpy as np
+import plyfile
 import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from ply_bytes import ORDERS, POINTS, ascii_rows, header, vertex
 
 from dlogen.errors import InputError
@@ -96,6 +100,8 @@ class TestBinary:
             ("uint16", "u2"),
             ("int", "i4"),
             ("uint32", "u4"),
+            ("int64", "i8"),
+            ("uint64", "u8"),
             ("float", "f4"),
             ("float32", "f4"),
             ("double", "f8"),
@@ -169,6 +175,31 @@ def test_memory_is_a_small_multiple_of_the_file(tmp_path, traced):
     with traced() as peak:
         read(path)
     assert peak() < 8 * path.stat().st_size + 50_000_000
+
+
+NAMES = ("x", "y", "z", "nx", "ny", "nz", "red", "quality")
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.permutations(NAMES), st.lists(st.sampled_from(["f4", "f8"]), min_size=8, max_size=8), st.sampled_from("<>"))
+def test_trimesh_and_plyfile_read_the_same(tmp_path_factory, names, codes, order):
+    rng = np.random.default_rng(len(names))
+    layout = [(name, order + ("u1" if name == "red" else code)) for name, code in zip(names, codes, strict=True)]
+    rows = np.empty(7, dtype=layout)
+    for name in names:
+        rows[name] = rng.uniform(-9, 9, len(rows)) if name != "red" else rng.integers(0, 255, len(rows))
+    kinds = {"u1": "uchar", "f4": "float", "f8": "double"}
+    lines = ["element vertex 7", *(f"property {kinds[code[1:]]} {name}" for name, code in layout)]
+    encoding = {sign: encoding for encoding, sign in ORDERS.items()}[order]
+    path = tmp_path_factory.getbasetemp() / "order.ply"
+    path.write_bytes(header(encoding, *lines) + rows.tobytes())
+    cloud = read(path)
+    assert np.array_equal(cloud.points, trimesh.load(path, process=False).vertices)
+    theirs = plyfile.PlyData.read(path)["vertex"]
+    for parts, found in ((("x", "y", "z"), cloud.points), (("nx", "ny", "nz"), cloud.normals)):
+        assert np.array_equal(found, np.column_stack([theirs[part].astype(float) for part in parts]))
+        assert np.array_equal(found, np.column_stack([rows[part].astype(float) for part in parts]))
+    assert cloud.fields == tuple(names)
 
 
 class TestPclConventions:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import shutil
 import stat
 import sys
 import tempfile
@@ -223,16 +224,11 @@ def _as_file(path: str | Path) -> Iterator[Path]:
         copy = Path(folder) / "cloud"
         with copy.open("wb") as stream:
             if str(path) == "-":
-                _copy(sys.stdin.buffer, stream)
+                shutil.copyfileobj(sys.stdin.buffer, stream)
             else:
                 with Path(path).open("rb") as pipe:
-                    _copy(pipe, stream)
+                    shutil.copyfileobj(pipe, stream)
         yield copy
-
-
-def _copy(source: BinaryIO, target: BinaryIO) -> None:
-    while chunk := source.read(_CHUNK):
-        target.write(chunk)
 
 
 def _sha256(stream: BinaryIO) -> str:

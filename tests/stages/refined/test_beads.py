@@ -58,3 +58,11 @@ def test_strays_beyond_the_ends_are_left_out() -> None:
 def test_four_beads_are_never_fewer() -> None:
     beads = np.array([[0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0], [100.0, 0, 0]])
     assert same_string(string_beads(beads[[2, 0, 3, 1]]), beads)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_bead_has_two_neighbours_even_if_a_third_is_near(seed: int) -> None:
+    # A hairpin: the beads of the upper strand are 1.22 away from those of the lower one, the turn is 1.44.
+    lower, upper = [[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[1.2, 1.2, 0], [0.2, 1.2, 0], [-0.8, 1.2, 0], [-1.8, 1.2, 0]]
+    beads = np.array([*lower, *upper])
+    assert same_string(string_beads(beads[np.random.default_rng(seed).permutation(7)]), beads)

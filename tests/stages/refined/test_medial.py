@@ -105,6 +105,20 @@ class TestContract:
         assert np.median(along) > 0.97
         assert nodes.weight.sum() == len(sparse.points)
 
+    def test_nodes_move_across_only(self) -> None:
+        rng = np.random.default_rng(4)
+        angle = rng.uniform(0.0, 2.0 * np.pi, 800)
+        points = np.stack([rng.random(800), 0.02 * np.cos(angle), 0.02 * np.sin(angle)], axis=1)
+        nodes = contract(points, np.zeros(800, dtype=bool), 0.02, 16.0)
+        before = cells(points, 0.03)[1]
+        assert len(nodes.position) == len(before)
+        off, was = (np.hypot(*position.T[1:]) for position in (nodes.position, before))
+        assert np.median(was) > 0.012 > 0.004 > np.median(off)
+        # A mean of neighbours would draw the ends in by a radius.
+        moved = np.abs(nodes.position[:, 0] - before[:, 0])
+        ends = (before[:, 0] < 0.02) | (before[:, 0] > 0.98)
+        assert moved[ends].max() < 0.01
+
     def test_strays_become_no_nodes(self, tube: SyntheticCloud) -> None:
         rng = np.random.default_rng(1)
         strays = rng.uniform(-1.0, 1.0, (100, 3)) + tube.points.mean(axis=0)
@@ -204,6 +218,9 @@ def test_density_is_points_for_each_radius() -> None:
     density = _density(position, np.full(40, 3.0), 0.01)
     assert density[10:30] == pytest.approx(9 * 3 / 4)
     assert density[0] == pytest.approx(5 * 3 / 4)
+    # Every node counts with its own weight.
+    weight = np.arange(40.0)
+    assert _density(position, weight, 0.01)[10] == pytest.approx(np.arange(6, 15).sum() / 4)
 
 
 def test_local_centroids_are_those_of_the_cells_around() -> None:

@@ -114,10 +114,8 @@ class TestContract:
         assert len(nodes.position) == len(before)
         off, was = (np.hypot(*position.T[1:]) for position in (nodes.position, before))
         assert np.median(was) > 0.012 > 0.004 > np.median(off)
-        # A mean of neighbours would draw the ends in by a radius.
-        moved = np.abs(nodes.position[:, 0] - before[:, 0])
-        ends = (before[:, 0] < 0.02) | (before[:, 0] > 0.98)
-        assert moved[ends].max() < 0.01
+        # Plain means of neighbours would move them along by a quarter of a radius, too, and draw the ends in.
+        assert np.abs(nodes.position[:, 0] - before[:, 0]).mean() < 0.125 * 0.02
 
     def test_strays_become_no_nodes(self, tube: SyntheticCloud) -> None:
         rng = np.random.default_rng(1)

@@ -62,6 +62,8 @@ class TestTrace:
         assert steps == pytest.approx(np.full(len(steps), RADIUS), rel=0.1)
         # Every point that a node stands for is counted, evenly along the piece.
         assert piece.weight.sum() == pytest.approx(nodes.weight.sum())
+        # The vertices at the ends stand for half a radius.
+        assert piece.weight[[0, -1]] == pytest.approx([6.0, 6.0], abs=2.5)
         assert piece.weight[3:-3] == pytest.approx(np.full(len(s) - 6, 12.0), rel=0.15)
 
     def test_where_nodes_are_dense_the_piece_is_heavy(self) -> None:
@@ -125,6 +127,10 @@ class TestLinks:
         position = np.array([[0.0, 0, 0], [0.5 * RADIUS, 0, 0]])
         for direction, links in ((np.eye(3)[[0, 0]], 2), (-np.eye(3)[[0, 0]], 2), (np.eye(3)[[0, 1]], 0)):
             assert _link(Nodes(position, direction, np.ones(2), np.full(2, 10.0)), RADIUS).nnz == links
+        for degrees, links in ((35.0, 2), (50.0, 0)):
+            angle = np.radians(degrees)
+            turned = np.array([[1.0, 0, 0], [np.cos(angle), np.sin(angle), 0]])
+            assert _link(Nodes(position, turned, np.ones(2), np.full(2, 10.0)), RADIUS).nnz == links
 
     def test_where_points_are_few_the_reach_is_longer(self) -> None:
         position, direction = np.array([[0.0, 0, 0], [5.0 * RADIUS, 0, 0]]), np.eye(3)[[0, 0]]

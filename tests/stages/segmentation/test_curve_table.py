@@ -86,19 +86,25 @@ def test_joints_on_a_circle_and_on_a_straight_line(circle, straight) -> None:
     assert ended.u[1] / table.cells == pytest.approx([0.0, 0.3, 0.6, 0.9, 1.0])
 
 
-def test_a_hairpin_is_left_where_it_first_leaves_the_sphere(exact_line) -> None:
-    # Out and back again: from the start the distance grows, falls, and grows once more.
-    line = exact_line(random_centre_line(0, length=1.0, min_bend_radius=0.05, dimensions=2))
-    table = CurveTable(line)
-    dense = np.linspace(0.0, table.cells, 200_001)
+@pytest.mark.parametrize("share", [0.5, 0.9, 0.99, 0.999, 0.9999, 1.5])
+def test_hairpins_are_left_where_they_first_leave_the_sphere(exact_line, share: float) -> None:
+    # A zigzag: from every joint the distance grows, falls, and grows once more; it may leave the sphere for a moment.
+    def zigzag(s, derivative):
+        phase, scale = 8 * np.pi * s + derivative * np.pi / 2, 0.05 * (8 * np.pi) ** derivative
+        y = (0.1 * s, np.full_like(s, 0.1), np.zeros_like(s))[derivative]
+        return np.stack([scale * np.sin(phase), y, 0.0 * s], axis=-1)
+
+    table = CurveTable(exact_line(zigzag))
+    dense = np.linspace(0.0, table.cells, 100_001)
     points = table(dense)
-    for length in (0.05, 0.09, 0.2):
-        chain = trace(table, np.array([length]))
-        u = chain.u[0, : chain.counts[0] + 1]
-        for begin, end in pairwise(u[:-1]):
-            away = np.linalg.norm(points - table(np.array([begin])), axis=0)
-            first = dense[(dense > begin) & (away >= length)][0]
-            assert end == pytest.approx(first, abs=2.0 * table.cells / 200_000)
+    highest = np.linalg.norm(points[:, :10_000], axis=0).max()
+    chain = trace(table, np.array([share * highest]))
+    u = chain.u[0, : chain.counts[0] + 1]
+    assert len(u) > 2
+    for begin, end in pairwise(u[:-1]):
+        away = np.linalg.norm(points - table(np.array([begin])), axis=0)
+        first = dense[(dense > begin) & (away >= share * highest)][0]
+        assert end == pytest.approx(first, abs=2.0 * table.cells / 100_000)
 
 
 def test_deviations_on_an_arc(circle) -> None:

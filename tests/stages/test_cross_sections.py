@@ -50,6 +50,24 @@ def test_short_noisy_arcs_are_hardly_too_small() -> None:
     assert np.median(radius) == pytest.approx(1.0, abs=0.02)
 
 
+def test_noisy_circles_are_taubins() -> None:
+    rng = np.random.default_rng(1)
+    angle = rng.uniform(-0.3, 2.0, (20, 40))
+    away = 1.0 + 0.1 * rng.normal(size=angle.shape)
+    u, v = 3.0 + away * np.cos(angle), away * np.sin(angle) - 2.0
+    found = np.stack(_circle(u, v, np.ones_like(u)), axis=1)
+    for row in range(20):
+        # By a singular value decomposition (Chernov 2010), without the characteristic polynomial.
+        middle = np.array([u[row].mean(), v[row].mean()])
+        x, y = u[row] - middle[0], v[row] - middle[1]
+        z = x * x + y * y
+        root = 2.0 * np.sqrt(z.mean())
+        a = np.linalg.svd(np.stack([(z - z.mean()) / root, x, y], axis=1), full_matrices=False)[2][2]
+        a = np.array([a[0] / root, a[1], a[2], -z.mean() * a[0] / root])
+        radius = np.sqrt(a[1] ** 2 + a[2] ** 2 - 4.0 * a[0] * a[3]) / abs(2.0 * a[0])
+        assert found[row] == pytest.approx(np.append(middle - a[1:3] / (2.0 * a[0]), radius), rel=1e-7)
+
+
 @given(st.integers(0, 2**32 - 1))
 def test_across_is_a_right_handed_frame(seed: int) -> None:
     direction = np.random.default_rng(seed).normal(size=(20, 3))

@@ -71,10 +71,10 @@ def noisy() -> tuple[Array, Array]:
 
 
 def test_noisy_circles_are_about_taubins(noisy: tuple[Array, Array]) -> None:
-    assert np.abs(noisy[0] - noisy[1]).max() < 0.01
+    assert np.abs(noisy[0] - noisy[1]).max() < 0.03
 
 
-@pytest.mark.xfail(strict=True, reason="a2 has a term 4 cov too many, that of Pratt's polynomial: up to 0.6 % here")
+@pytest.mark.xfail(strict=True, reason="a2 has a term 4 cov too many, that of Pratt's polynomial: up to 2 % here")
 def test_noisy_circles_are_taubins(noisy: tuple[Array, Array]) -> None:
     assert noisy[0] == pytest.approx(noisy[1], rel=1e-7)
 

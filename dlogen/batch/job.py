@@ -93,7 +93,7 @@ class Outcome:
     Attributes:
         key: of the task.
         failure: None if there is a model.
-        verdict, findings, figures: of the model; codes of the findings that are not mere notes.
+        verdict, findings, metrics: of the model; codes of the findings that are not mere notes.
         sha256: of the cloud's file; None if it could not be read.
         seconds: that it took, and `timings` of its stages.
         files: what is to be written, where the worker could not.
@@ -103,7 +103,7 @@ class Outcome:
     failure: Failure | None = None
     verdict: str | None = None
     findings: tuple[str, ...] = ()
-    figures: dict[str, float] = field(default_factory=dict)
+    metrics: dict[str, float] = field(default_factory=dict)
     sha256: str | None = None
     seconds: float = 0.0
     timings: dict[str, float] = field(default_factory=dict)
@@ -126,7 +126,7 @@ def work(plan: Plan, task: Task) -> Outcome:
         except MemoryError:
             failure = Failure("memory", "not enough memory for this cloud", "raise --memory, or use fewer points")
             return Outcome(task.key, failure, sha256=sha256, seconds=time.perf_counter() - start)
-        from dlogen.batch.metrics import figures_of
+        from dlogen.batch.metrics import metrics_of
 
         return Outcome(
             task.key,
@@ -134,7 +134,7 @@ def work(plan: Plan, task: Task) -> Outcome:
             findings=tuple(
                 dict.fromkeys(item.code for item in result.quality.findings if item.severity != "note"),
             ),
-            figures=figures_of(result),
+            metrics=metrics_of(result),
             sha256=sha256,
             seconds=time.perf_counter() - start,
             timings=result.timings,

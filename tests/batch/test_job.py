@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dlogen.batch.job import Failure, Plan, Task, failure_of, paths_of, remove_temporaries, work, write_files
-from dlogen.batch.metrics import FIGURES
+from dlogen.batch.metrics import METRICS
 from dlogen.config.schema import load_config
 from dlogen.errors import ConfigError, FitError, InputError, OutputError
 from dlogen.io.atomic import temporary_prefix
@@ -29,9 +29,9 @@ def test_writes_the_results_and_says_how_it_went(clouds: tuple[Path, ...], plan:
     assert outcome.verdict in ("good", "doubtful")
     assert names(tmp_path / "out" / "sub") == ["cable.json", "cable.report.json"]
     chain = json.loads((tmp_path / "out" / "sub" / "cable.json").read_text())
-    assert outcome.figures["segment_count"] == chain["segment_count"]
-    assert outcome.figures["max_deviation"] == pytest.approx(chain["max_deviation"], abs=1e-9)
-    assert set(outcome.figures) == {item.name for item in FIGURES}
+    assert outcome.metrics["segment_count"] == chain["segment_count"]
+    assert outcome.metrics["max_deviation"] == pytest.approx(chain["max_deviation"], abs=1e-9)
+    assert set(outcome.metrics) == {item.name for item in METRICS}
     assert outcome.sha256 == chain["provenance"]["sha256"]
     assert outcome.files is None
     assert outcome.seconds >= sum(outcome.timings.values()) > 0.0
@@ -55,7 +55,7 @@ def test_own_settings_win_over_common_ones_and_the_command_line_over_both(
     def e_max(plan: Plan, task: Task) -> float:
         outcome = work(plan, task)
         assert outcome.failure is None
-        return outcome.figures["e_max"]
+        return outcome.metrics["e_max"]
 
     cloud = str(clouds[0])
     with_common = replace(plan, config=load_config(None, ["e_max=0.002", "profile=paper"]))

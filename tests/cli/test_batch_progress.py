@@ -15,17 +15,17 @@ import pytest
 from dlogen.batch.executors.local import NotStarted
 from dlogen.batch.item import Item
 from dlogen.batch.job import Failure, Outcome, Plan, Task
-from dlogen.batch.metrics import FIGURES, Threshold
+from dlogen.batch.metrics import METRICS, Threshold
 from dlogen.batch.runner import Batch
-from dlogen.batch.store import Ledger
+from dlogen.batch.store import Store
 from dlogen.cli.batch_progress import follow
 from dlogen.cli.console import Console
 from dlogen.errors import DlogenError, Interrupted, OutputError, UsageError
 
 
-def good(key: str, **figures: float) -> Outcome:
-    values = {item.name: 1 if item.whole else 0.5 for item in FIGURES} | figures
-    return Outcome(key, verdict="good", figures=values, sha256="ab", seconds=0.1, timings={"input": 0.1})
+def good(key: str, **metrics: float) -> Outcome:
+    values = {item.name: 1 if item.whole else 0.5 for item in METRICS} | metrics
+    return Outcome(key, verdict="good", metrics=values, sha256="ab", seconds=0.1, timings={"input": 0.1})
 
 
 def bad(key: str, message: str = "no points", code: str = "input") -> Outcome:
@@ -62,12 +62,12 @@ class Setting:
     def follow(self, pool: Said, keys: str = "", level: int = 0, **how: Any) -> None:
         """Clouds whose keys are single letters, by default those that the pool knows of."""
         names = keys or "".join(item.key for item in pool.outcomes if isinstance(item, Outcome))
-        ledger = Ledger(self.folder)
+        store = Store(self.folder)
         try:
-            batch = Batch([Item(f"in/{name}.ply", name) for name in names], self.folder, self.plan, ledger)
+            batch = Batch([Item(f"in/{name}.ply", name) for name in names], self.folder, self.plan, store)
             follow(batch, pool, Console(level), **how)
         finally:
-            ledger.close()
+            store.close()
 
     def summary(self) -> dict[str, Any]:
         return json.loads((self.folder / "summary.json").read_text())  # type: ignore[no-any-return]
@@ -129,11 +129,11 @@ def test_quiet_and_verbose(setting: Setting, capsys: pytest.CaptureFixture[str])
 
 
 def test_names_do_not_garble_the_terminal(setting: Setting, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    ledger = Ledger(setting.folder)
-    batch = Batch([Item("in/\x1b[31m\n.ply", "x")], setting.folder, setting.plan, ledger)
+    store = Store(setting.folder)
+    batch = Batch([Item("in/\x1b[31m\n.ply", "x")], setting.folder, setting.plan, store)
     with pytest.raises(DlogenError):
         follow(batch, Said(bad("x")), Console(1))
-    ledger.close()
+    store.close()
     said = capsys.readouterr().err
     assert "\x1b" not in said
     assert len(said.splitlines()) == 4
@@ -209,11 +209,11 @@ def test_nothing_to_do(setting: Setting, capsys: pytest.CaptureFixture[str], tmp
     cloud = tmp_path / "a.ply"
     cloud.write_bytes(b"")
     for again in range(2):
-        ledger = Ledger(setting.folder)
-        batch = Batch([Item(str(cloud), "a")], setting.folder, setting.plan, ledger)
+        store = Store(setting.folder)
+        batch = Batch([Item(str(cloud), "a")], setting.folder, setting.plan, store)
         with pytest.raises(DlogenError, match="1 of 1 cloud failed"):
             follow(batch, Said(*([] if again else [bad("a")])), Console())
-        ledger.close()
+        store.close()
     said = capsys.readouterr().err
     assert "0 of 1 cloud is done already, 1 failed before: --retry does them again" in said
     assert "1 cloud, nothing to do: 0 done, 1 failed" in said

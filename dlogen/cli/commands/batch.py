@@ -78,8 +78,8 @@ def command(
     from dlogen.batch.job import Plan
     from dlogen.batch.metrics import Threshold
     from dlogen.batch.runner import Batch, Settings
-    from dlogen.batch.store import NAME as LEDGER
-    from dlogen.batch.store import Ledger
+    from dlogen.batch.store import NAME as STORE
+    from dlogen.batch.store import Store
     from dlogen.cli.batch_progress import follow
     from dlogen.config.schema import load_config
     from dlogen.io.atomic import refuse_existing
@@ -96,19 +96,19 @@ def command(
     items = find_items(inputs, out=out, root=root, own_configs=own_configs, outputs=outputs.files, warn=console.warning)
     if one_model:
         # What an earlier run has made is made again.
-        refuse_existing([out / "one_model"], force or (out / LEDGER).exists())
+        refuse_existing([out / "one_model"], force or (out / STORE).exists())
     plan = Plan(None if workers.ship else str(out), config, overrides, outputs)
 
-    ledger = Ledger(out)
+    store = Store(out)
     try:
-        batch = Batch(items, out, plan, ledger, Settings(force, retry, workers.ship))
+        batch = Batch(items, out, plan, store, Settings(force, retry, workers.ship))
         pool = workers.pool(plan, len(batch.todo), console)
 
         def finish() -> None:
             from dlogen.cli.commands.sequence import write_one_model
 
             keys = [item.key for item in items]
-            rows = {row.key: row for row in ledger.rows()}
+            rows = {row.key: row for row in store.rows()}
             write_one_model(keys, rows, out, common, outputs.formats, plot, console)
 
         follow(
@@ -121,4 +121,4 @@ def command(
             finish=finish if one_model else None,
         )
     finally:
-        ledger.close()
+        store.close()

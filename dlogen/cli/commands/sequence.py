@@ -88,8 +88,8 @@ def command(
     from dlogen.batch.discover import find_items
     from dlogen.batch.job import Plan
     from dlogen.batch.runner import Batch, Settings
-    from dlogen.batch.store import NAME as LEDGER
-    from dlogen.batch.store import Ledger
+    from dlogen.batch.store import NAME as STORE
+    from dlogen.batch.store import Store
     from dlogen.cli.batch_progress import follow
     from dlogen.errors import FitError
     from dlogen.io.atomic import refuse_existing
@@ -105,7 +105,7 @@ def command(
     expected = [name for item in wanted for name in model_format(item).files(MODEL)]
     expected += file_names(in_time=True, plot=plot)
     # What an earlier run has made is made again.
-    refuse_existing([out / name for name in expected], force or (fits / LEDGER).exists())
+    refuse_existing([out / name for name in expected], force or (fits / STORE).exists())
 
     outputs = Outputs(("json",))
     items = find_items(inputs, out=fits, own_configs=False, outputs=outputs.files, warn=console.warning)
@@ -116,13 +116,13 @@ def command(
         console.hint("say how many there are a second: --rate HZ")
 
     plan = Plan(None if workers.ship else str(fits), for_fits, overrides, outputs)
-    ledger = Ledger(fits)
+    store = Store(fits)
     try:
-        batch = Batch(items, fits, plan, ledger, Settings(force, retry, workers.ship))
+        batch = Batch(items, fits, plan, store, Settings(force, retry, workers.ship))
         follow(batch, workers.pool(plan, len(batch.todo), console), console, tolerant=True)
-        rows = {row.key: row for row in ledger.rows()}
+        rows = {row.key: row for row in store.rows()}
     finally:
-        ledger.close()
+        store.close()
 
     # Only now: who waits for an error in the call need not wait for numpy.
     from dlogen.sequence.assemble import assemble

@@ -94,8 +94,8 @@ def test_the_cloud_that_comes_before_a_limit_is_a_good_one() -> None:
     outcome = work(Plan(None), Task("arc.ply", "arc", content=_arc()))
     assert outcome.failure is None
     assert outcome.verdict == "good"
-    assert outcome.figures["length"] == pytest.approx(0.4, rel=0.02)
-    assert outcome.figures["radius"] == pytest.approx(0.01, rel=0.02)
+    assert outcome.metrics["length"] == pytest.approx(0.4, rel=0.02)
+    assert outcome.metrics["radius"] == pytest.approx(0.01, rel=0.02)
 
 
 @pytest.mark.skipif(not can_limit_memory(), reason="needs Linux")

@@ -110,7 +110,7 @@ class Outcome:
     files: dict[str, bytes] | None = None
 
 
-def work(plan: Plan, task: Task) -> Outcome:
+def run_job(plan: Plan, task: Task) -> Outcome:
     """Make the model of a cloud and write it. Never raises: whatever goes wrong is this cloud's failure."""
     start = time.perf_counter()
     sha256 = None

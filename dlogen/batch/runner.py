@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dlogen._version import __version__
-from dlogen.batch.executors.local import Pool
+from dlogen.batch.executors.pool import Pool
 from dlogen.batch.item import Item
 from dlogen.batch.job import Failure, Outcome, Plan, Task, failure_of, paths_of, remove_temporaries, write_files
 from dlogen.batch.store import Row, Store
@@ -25,7 +25,7 @@ _OF_THE_MACHINE = ("timeout", "memory", "worker-died")
 
 
 @dataclass(frozen=True)
-class Settings:
+class BatchOptions:
     """How a batch deals with what is there already, and with its clouds' bytes.
 
     Attributes:
@@ -65,7 +65,7 @@ class Batch:
         folder: of the results.
         plan: what is done to each.
         store: the folder's records.
-        settings: see there.
+        options: see there.
 
     Attributes:
         kept: records of the clouds that need not be done again.
@@ -73,10 +73,10 @@ class Batch:
     """
 
     def __init__(
-        self, items: Sequence[Item], folder: Path, plan: Plan, store: Store, settings: Settings | None = None
+        self, items: Sequence[Item], folder: Path, plan: Plan, store: Store, options: BatchOptions | None = None
     ) -> None:
         self.folder, self.plan, self.store = folder, plan, store
-        self.settings = settings or Settings()
+        self.options = options or BatchOptions()
         #: Key -> formats of which there are files that batches made; of the clouds that are to be done.
         self._made: dict[str, str] = {}
         #: Key -> what settings and cloud were when files were made of which some are not wanted now.
@@ -126,14 +126,14 @@ class Batch:
                 existing = self._of_others(item.key, row)
                 if existing is None:
                     row.formats = self._with_wanted(row.formats)
-                elif not self.settings.force:
+                elif not self.options.force:
                     hint = "use --force to overwrite, or -o for another folder"
                     failure = Failure("output", f"output exists: {shown(str(existing))}", hint)
                     refused.append(self._failed(row, failure))
                     continue
                 self.store.write(row)
                 under_way[item.key] = row
-                yield task if not self.settings.ship else self._shipped(task)
+                yield task if not self.options.ship else self._shipped(task)
 
         # Closed here and now when we are: what is under way ends before the records are closed.
         with contextlib.closing(pool.run(tasks())) as outcomes:
@@ -231,9 +231,9 @@ class Batch:
 
     def _is_up_to_date(self, item: Item, row: Row, touched: list[Row]) -> bool:
         """Whether nothing has changed since that record was made. One with a new time only goes into `touched`."""
-        if self.settings.force or row.status == "running":
+        if self.options.force or row.status == "running":
             return False
-        if row.status == "failed" and (self.settings.retry or row.code in _OF_THE_MACHINE or row.code == "output"):
+        if row.status == "failed" and (self.options.retry or row.code in _OF_THE_MACHINE or row.code == "output"):
             return False
         _, now = self._task(item)
         if (now.digest, now.size) != (row.digest, row.size):

@@ -13,7 +13,8 @@ from types import FrameType
 
 import click
 
-from dlogen.batch.executors.local import NotStarted, Pool
+from dlogen.batch.executors.pool import Pool
+from dlogen.batch.executors.worker import NotStarted
 from dlogen.batch.metrics import Threshold
 from dlogen.batch.paths import shown
 from dlogen.batch.runner import Batch
@@ -27,7 +28,7 @@ from dlogen.errors import DlogenError, Interrupted, OutputError
 _MOST_NAMED = 10
 
 
-def follow(
+def run_batch(
     batch: Batch,
     pool: Pool,
     console: Console,

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dlogen.batch.job import Failure, Plan, Task, failure_of, paths_of, remove_temporaries, work, write_files
+from dlogen.batch.job import Failure, Plan, Task, failure_of, paths_of, remove_temporaries, run_job, write_files
 from dlogen.batch.metrics import METRICS
 from dlogen.config.schema import load_config
 from dlogen.errors import ConfigError, FitError, InputError, OutputError
@@ -24,7 +24,7 @@ def names(folder: Path) -> list[str]:
 
 
 def test_writes_the_results_and_says_how_it_went(clouds: tuple[Path, ...], plan: Plan, tmp_path: Path) -> None:
-    outcome = work(plan, Task(str(clouds[0]), "sub/cable"))
+    outcome = run_job(plan, Task(str(clouds[0]), "sub/cable"))
     assert outcome.failure is None
     assert outcome.verdict in ("good", "doubtful")
     assert names(tmp_path / "out" / "sub") == ["cable.json", "cable.report.json"]
@@ -39,10 +39,10 @@ def test_writes_the_results_and_says_how_it_went(clouds: tuple[Path, ...], plan:
 
 
 def test_without_a_folder_the_results_come_back(clouds: tuple[Path, ...], plan: Plan, tmp_path: Path) -> None:
-    work(plan, Task(str(clouds[0]), "cable"))
+    run_job(plan, Task(str(clouds[0]), "cable"))
     content = clouds[0].read_bytes()
     # The file is somewhere else, or of another system: its bytes are all there is.
-    outcome = work(replace(plan, folder=None), Task(f"/elsewhere/{clouds[0].name}", "cable", content=content))
+    outcome = run_job(replace(plan, folder=None), Task(f"/elsewhere/{clouds[0].name}", "cable", content=content))
     assert outcome.files == {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
 
 
@@ -53,7 +53,7 @@ def test_own_settings_win_over_common_ones_and_the_command_line_over_both(
     own.write_text("e_max: 0.003\n")
 
     def e_max(plan: Plan, task: Task) -> float:
-        outcome = work(plan, task)
+        outcome = run_job(plan, task)
         assert outcome.failure is None
         return outcome.metrics["e_max"]
 
@@ -78,23 +78,23 @@ def test_only_files_are_read(kind: str, clouds: tuple[Path, ...], plan: Plan, tm
     else:
         # It never ends.
         path.symlink_to("/dev/zero")
-    failure = work(plan, Task(str(path), "x")).failure
+    failure = run_job(plan, Task(str(path), "x")).failure
     assert failure is not None
     assert failure.code == "input"
     assert "not a file" in failure.message
     assert failure.hint
     # A configuration as well.
-    failure = work(plan, Task(str(clouds[0]), "x", str(path))).failure
+    failure = run_job(plan, Task(str(clouds[0]), "x", str(path))).failure
     assert failure is not None
     assert failure.code == "config"
     assert "not a file" in failure.message
 
 
 def test_failures_have_a_code_and_say_what_to_try(clouds: tuple[Path, ...], plan: Plan, tmp_path: Path) -> None:
-    missing = work(plan, Task(str(tmp_path / "missing.ply"), "x")).failure
+    missing = run_job(plan, Task(str(tmp_path / "missing.ply"), "x")).failure
     assert missing is not None
     assert (missing.code, missing.stops_all) == ("input", False)
-    wrong = work(plan, Task(str(clouds[0]), "x", "own.yaml", "e_maxx: 1\n")).failure
+    wrong = run_job(plan, Task(str(clouds[0]), "x", "own.yaml", "e_maxx: 1\n")).failure
     assert wrong is not None
     assert wrong.code == "config"
     assert "own.yaml" in wrong.message
@@ -102,13 +102,13 @@ def test_failures_have_a_code_and_say_what_to_try(clouds: tuple[Path, ...], plan
     assert wrong.hint == "did you mean 'e_max'?"
     directions = np.random.default_rng(0).normal(size=(500, 3))
     write_cloud(tmp_path / "ball.ply", directions / np.linalg.norm(directions, axis=1, keepdims=True))
-    unfit = work(plan, Task(str(tmp_path / "ball.ply"), "x"))
+    unfit = run_job(plan, Task(str(tmp_path / "ball.ply"), "x"))
     assert unfit.failure is not None
     assert unfit.failure.code == "fit"
     # It was read.
     assert unfit.sha256 is not None
     (tmp_path / "out" / "x.json").mkdir(parents=True)
-    output = work(plan, Task(str(clouds[0]), "x")).failure
+    output = run_job(plan, Task(str(clouds[0]), "x")).failure
     assert output is not None
     assert output.hint
     assert output.code == "output"
@@ -121,7 +121,7 @@ def test_running_out_of_memory_is_a_failure_of_the_cloud(
         raise MemoryError
 
     monkeypatch.setattr("dlogen.pipeline.fit", full)
-    failure = work(plan, Task(str(clouds[0]), "x")).failure
+    failure = run_job(plan, Task(str(clouds[0]), "x")).failure
     assert failure is not None
     assert failure.code == "memory"
 
@@ -133,7 +133,7 @@ def test_a_bug_of_ours_is_a_failure_of_the_cloud(
         raise ZeroDivisionError("sum of nothing")
 
     monkeypatch.setattr("dlogen.pipeline.fit", wrong)
-    failure = work(plan, Task(str(clouds[0]), "x")).failure
+    failure = run_job(plan, Task(str(clouds[0]), "x")).failure
     assert failure is not None
     assert failure.code == "internal"
     assert "ZeroDivisionError: sum of nothing" in failure.message

@@ -13,8 +13,8 @@ import pytest
 
 from dlogen.batch.discover import find_items
 from dlogen.batch.item import Item
-from dlogen.batch.job import Failure, Outcome, Plan, Task, work
-from dlogen.batch.runner import Batch, Settings, shown
+from dlogen.batch.job import Failure, Outcome, Plan, Task, run_job
+from dlogen.batch.runner import Batch, BatchOptions, shown
 from dlogen.batch.store import Row, Store
 from dlogen.config.schema import load_config
 from dlogen.errors import OutputError
@@ -40,7 +40,7 @@ class Here:
     def run(self, tasks: Iterator[Task]) -> Generator[Outcome, None, None]:
         for task in tasks:
             failure = self.failures.get(task.key)
-            yield work(self.plan, task) if failure is None else Outcome(task.key, failure)
+            yield run_job(self.plan, task) if failure is None else Outcome(task.key, failure)
 
 
 @pytest.fixture
@@ -62,7 +62,7 @@ def run(
     try:
         found = find_items([str(folder)], out=out) if items is None else items
         sent = replace(plan, folder=None) if how.get("ship") else plan
-        batch = Batch(found, out, sent, store, Settings(**how))
+        batch = Batch(found, out, sent, store, BatchOptions(**how))
         rows = {row.key: row for row in batch.run(Here(sent, failures))}
         assert len(rows) == len(batch.todo)
         assert {row.key for row in batch.kept} | rows.keys() == {shown(item.key) for item in found}
@@ -244,7 +244,7 @@ def test_after_a_kill_what_was_under_way_is_done_again_and_tidied_up(folder: Pat
                     continue
                 if task.key != "a":
                     raise Killed
-                yield work(self.plan, task)
+                yield run_job(self.plan, task)
 
     store = Store(out)
     with pytest.raises(Killed):

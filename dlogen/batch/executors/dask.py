@@ -1,6 +1,7 @@
 """A Dask cluster as the place where the work of a batch is done.
 
-Clouds travel in batches, each a Dask task; what happens to them in the workers is in `dlogen.batch.executors.remote`.
+Clouds travel in batches, each a Dask task; what happens to them there is in
+`dlogen.batch.executors.dask_worker`.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dlogen._version import __version__
-from dlogen.batch.executors.remote import Call, Order, Reply, Settings
-from dlogen.batch.job import Failure, Outcome, Plan, Task, work
+from dlogen.batch.executors.dask_worker import Call, Order, ProcessSettings, Reply
+from dlogen.batch.job import Failure, Outcome, Plan, Task, run_job
 from dlogen.errors import DlogenError, UsageError
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ class DaskPool:
     ) -> None:
         self._ship = plan.folder is None
         self._plan = replace(plan, folder=None if plan.folder is None else os.path.abspath(plan.folder))  # noqa: PTH100
-        self._settings = pickle.dumps(Settings(self._plan, timeout, memory))
+        self._settings = pickle.dumps(ProcessSettings(self._plan, timeout, memory))
         self._scheduler, self._total, self._say = scheduler, total, say
 
     def run(self, tasks: Iterator[Task]) -> Generator[Outcome, None, None]:
@@ -82,7 +83,7 @@ class DaskPool:
                 while batch := batches.next(cluster.vacancies(), len(cluster.under_way)):
                     # What cannot be read fails here, as it does without a cluster.
                     for task in filter(self._is_unreadable, batch):
-                        yield work(self._plan, task)
+                        yield run_job(self._plan, task)
                     readable = [task for task in batch if not self._is_unreadable(task)]
                     if readable:
                         cluster.submit(readable, self._order(readable))

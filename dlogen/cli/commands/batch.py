@@ -77,10 +77,10 @@ def command(
     from dlogen.batch.discover import find_items
     from dlogen.batch.job import Plan
     from dlogen.batch.metrics import Threshold
-    from dlogen.batch.runner import Batch, Settings
+    from dlogen.batch.runner import Batch, BatchOptions
     from dlogen.batch.store import NAME as STORE
     from dlogen.batch.store import Store
-    from dlogen.cli.batch_progress import follow
+    from dlogen.cli.batch_progress import run_batch
     from dlogen.config.schema import load_config
     from dlogen.io.atomic import refuse_existing
     from dlogen.io.outputs import Outputs
@@ -101,7 +101,7 @@ def command(
 
     store = Store(out)
     try:
-        batch = Batch(items, out, plan, store, Settings(force, retry, workers.ship))
+        batch = Batch(items, out, plan, store, BatchOptions(force, retry, workers.ship))
         pool = workers.pool(plan, len(batch.todo), console)
 
         def finish() -> None:
@@ -111,7 +111,7 @@ def command(
             rows = {row.key: row for row in store.rows()}
             write_one_model(keys, rows, out, common, outputs.formats, plot, console)
 
-        follow(
+        run_batch(
             batch,
             pool,
             console,

@@ -87,10 +87,10 @@ def command(
     """
     from dlogen.batch.discover import find_items
     from dlogen.batch.job import Plan
-    from dlogen.batch.runner import Batch, Settings
+    from dlogen.batch.runner import Batch, BatchOptions
     from dlogen.batch.store import NAME as STORE
     from dlogen.batch.store import Store
-    from dlogen.cli.batch_progress import follow
+    from dlogen.cli.batch_progress import run_batch
     from dlogen.errors import FitError
     from dlogen.io.atomic import refuse_existing
     from dlogen.io.outputs import Outputs
@@ -118,8 +118,8 @@ def command(
     plan = Plan(None if workers.ship else str(fits), for_fits, overrides, outputs)
     store = Store(fits)
     try:
-        batch = Batch(items, fits, plan, store, Settings(force, retry, workers.ship))
-        follow(batch, workers.pool(plan, len(batch.todo), console), console, tolerant=True)
+        batch = Batch(items, fits, plan, store, BatchOptions(force, retry, workers.ship))
+        run_batch(batch, workers.pool(plan, len(batch.todo), console), console, tolerant=True)
         rows = {row.key: row for row in store.rows()}
     finally:
         store.close()

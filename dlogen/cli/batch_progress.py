@@ -77,7 +77,7 @@ def run_batch(
                     console.detail(_line(row))
         write_summary(batch.store, batch.folder)
     except BaseException as error:
-        # Summed up as far as it came; a second Ctrl-C leaves that away.
+        # Summed up as far as it came; a second Ctrl-C omits that.
         with contextlib.suppress(OutputError, KeyboardInterrupt):
             write_summary(batch.store, batch.folder)
         ended = f"{tally.ended} of {_clouds(total)} are done and recorded"

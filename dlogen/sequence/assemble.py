@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from dlogen.batch.store import Row
-from dlogen.config.schema import AUTO, Config
+from dlogen.config.fields import AUTO
+from dlogen.config.schema import Config
 from dlogen.sequence.captures import read_capture
 from dlogen.sequence.export import contents, result_of
 from dlogen.sequence.file_names import MODEL, file_names

@@ -32,7 +32,7 @@ def filled_in(joints: Array, links: Array, times: Array, good: BoolArray) -> Arr
     edges = np.diff(joints, axis=1) / links[:, None]
     path = np.concatenate([centre(joints, links)[:, None], edges], axis=1)
     usual = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    out = joints.copy()
+    out: Array = joints.copy()
     for k in np.flatnonzero(~good):
         after = int(np.searchsorted(known, k))
         if after == 0 or after == len(known):
@@ -87,6 +87,6 @@ def smoothed(joints: Array, links: Array, times: Array, most: float) -> Array:
     change = np.linalg.norm(new - joints[2:-2], axis=2).max(axis=1)
     usual = float(np.median(np.diff(times)))
     noise = (change <= most) & (spread[:, 0] <= _SHORT * usual)
-    out = joints.copy()
+    out: Array = joints.copy()
     out[2:-2][noise] = new[noise]
     return out

@@ -47,7 +47,7 @@ def smallest_rotations(start: Array, end: Array) -> Array:
     cross = np.zeros((len(start), 3, 3))
     cross[:, [2, 0, 1], [1, 2, 0]] = v
     cross[:, [1, 2, 0], [2, 0, 1]] = -v
-    out = np.eye(3) + cross + cross @ cross / np.maximum(1.0 + c, 1e-12)[:, None, None]
+    out: Array = np.eye(3) + cross + cross @ cross / np.maximum(1.0 + c, 1e-12)[:, None, None]
     for k in np.flatnonzero(c < -1.0 + 1e-9):
         normal = np.cross(start[k], np.eye(3)[int(np.argmin(np.abs(start[k])))])
         normal /= np.linalg.norm(normal)
@@ -105,7 +105,7 @@ def _continuous(values: Array, reference: int) -> Array:
         return values
     other = values + math.pi
     other[:, 1] = math.pi - values[:, 1]
-    out = values.copy()
+    out: Array = values.copy()
     for captures in (range(reference + 1, len(values)), range(reference - 1, -1, -1)):
         last = values[reference]
         for k in captures:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlogen.config.schema import AUTO, Segmentation
+from dlogen.config.fields import AUTO
+from dlogen.config.schema import Segmentation
 from dlogen.errors import FitError
 from dlogen.sequence.captures import CaptureFit
 from dlogen.sequence.interpolation import filled_in, smoothed

@@ -27,6 +27,7 @@ from dlogen.batch.executors.dask_worker import Call, Order, ProcessSettings, Rep
 from dlogen.batch.job import Failure, Outcome, Plan, Task, run_job
 from dlogen.errors import DlogenError, UsageError
 
+# Dask has types in some of its versions, for some of its functions: hence `unused-ignore` below.
 if TYPE_CHECKING:
     from distributed import Client, Future
 
@@ -185,7 +186,7 @@ class _Cluster:
     def __init__(self, scheduler: str, say: Callable[[str], None]) -> None:
         self._scheduler, self._say = scheduler, say
         self._client = _connect(scheduler)
-        self.under_way: dict[str, tuple[Future, list[Task]]] = {}
+        self.under_way: dict[str, tuple[Future[Any], list[Task]]] = {}
         self._arrived: queue.SimpleQueue[tuple[str, Reply | BaseException]] = queue.SimpleQueue()
         self._run = f"dlogen-{uuid.uuid4().hex}"
         self._count = 0
@@ -236,7 +237,7 @@ class _Cluster:
                 return batch, None
             raise self._why(reply)
         # The scheduler forgets it.
-        future.release()
+        future.release()  # type: ignore[no-untyped-call, unused-ignore]
         if reply.refusal is not None:
             raise DlogenError(*reply.refusal)
         return batch, reply
@@ -245,9 +246,9 @@ class _Cluster:
         """Cancel what is under way. The workers notice within a second."""
         # Whatever goes wrong, there is nothing more to be had from the connection.
         with contextlib.suppress(Exception):
-            self._client.cancel([future for future, _ in self.under_way.values()])
+            self._client.cancel([future for future, _ in self.under_way.values()])  # type: ignore[no-untyped-call, unused-ignore]
         with contextlib.suppress(Exception):
-            self._client.close(timeout=_CLOSE_SECONDS)
+            self._client.close(timeout=_CLOSE_SECONDS)  # type: ignore[no-untyped-call, unused-ignore]
 
     def _ask(self, function: Callable[..., Any], *args: Any, **options: Any) -> Any:
         """The answer of the scheduler."""
@@ -287,7 +288,7 @@ def scheduler_of(path: str) -> str:
     raise UsageError(reason, hint, path=path)
 
 
-def _fetch(key: str, arrived: queue.SimpleQueue[tuple[str, Reply | BaseException]], future: Future) -> None:
+def _fetch(key: str, arrived: queue.SimpleQueue[tuple[str, Reply | BaseException]], future: Future[Any]) -> None:
     try:
         arrived.put((key, future.result()))
     except BaseException as error:  # of the task, or because it was cancelled
@@ -302,7 +303,7 @@ def _is_killed_worker(error: BaseException) -> bool:
 
 def _connect(scheduler: str) -> Client:
     from distributed import Client
-    from distributed.comm import get_address_host_port
+    from distributed.comm.addressing import get_address_host_port
 
     hint = "dask scheduler prints its address when it starts, such as tcp://10.0.0.1:8786"
     try:
@@ -311,7 +312,9 @@ def _connect(scheduler: str) -> Client:
     except ValueError as error:
         raise UsageError(f"--scheduler {scheduler!r} is not an address: {error}", hint) from None
     try:
-        return Client(scheduler, timeout=CONNECT_SECONDS, set_as_default=False, name="dlogen")
+        return Client(  # type: ignore[no-untyped-call, unused-ignore]
+            scheduler, timeout=CONNECT_SECONDS, set_as_default=False, name="dlogen"
+        )
     except (OSError, ValueError, TypeError, ImportError, RuntimeError) as error:
         said = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise DlogenError(

@@ -86,7 +86,7 @@ def command(
     from dlogen.io.outputs import Outputs
 
     thresholds = [Threshold.parse(text) for text in limits]
-    # The common model is made from the chains.
+    # The shared model is made from the chains.
     outputs = Outputs.parse(f"{formats},json" if one_model and formats != "all" else formats, plot)
     workers.check()
     config = load_config(config_path)

@@ -182,7 +182,7 @@ def _configs(path: str | None, given: tuple[str, ...], console: Console) -> tupl
 
 def _floating(config: Config) -> Config:
     """For a model in several poses, by the criterion that the profile has for one."""
-    from dlogen.config.schema import AUTO
+    from dlogen.config.fields import AUTO
 
     changes = {"joints.base": "floating"}
     if config.profile == "paper" and config.segmentation.criterion == AUTO and _by_e_max(config):
@@ -192,7 +192,7 @@ def _floating(config: Config) -> Config:
 
 def _by_e_max(config: Config) -> bool:
     """Whether nothing else says how long the segments are."""
-    from dlogen.config.schema import AUTO
+    from dlogen.config.fields import AUTO
 
     segmentation = config.segmentation
     return all(value == AUTO for value in (segmentation.segments, segmentation.segment_length))

@@ -1,8 +1,7 @@
-"""One cloud of a batch: read, fit, write, and say in a few words how it went. Runs in the workers."""
+"""The work on one cloud of a batch: what is told to a worker, what it does, and how it went."""
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import os
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dlogen._version import __version__
+from dlogen.batch.output_files import write_files
 from dlogen.config.schema import Config, load_config
 from dlogen.errors import ConfigError, DlogenError, FitError, InputError, OutputError
 from dlogen.io.outputs import Outputs
@@ -153,41 +153,6 @@ def failure_of(error: DlogenError) -> Failure:
         message = f"{error.path}: {message}"
     stops_all = isinstance(error, OutputError) and error.for_all
     return Failure(code, message, error.hint, error.stage, stops_all)
-
-
-def write_files(folder: str, key: str, files: dict[str, bytes]) -> None:
-    """Write the results of a cloud, all or none.
-
-    Raises:
-        OutputError: they cannot be written.
-    """
-    from dlogen.io.atomic import write_all
-
-    place = Path(folder, *key.split("/")[:-1])
-    write_all({place / name: data for name, data in files.items()})
-
-
-def paths_of(folder: str | Path, key: str, outputs: Outputs) -> list[Path]:
-    """The results of a cloud."""
-    above, _, stem = key.rpartition("/")
-    return [Path(folder, above, name) for name in outputs.files(stem)]
-
-
-def remove_temporaries(folder: str | Path, key: str, outputs: Outputs, process: int | None = None) -> None:
-    """Remove what processes that were killed have left beside the results of a cloud.
-
-    Args:
-        folder: of the batch.
-        key: of the cloud.
-        outputs: that it was to have.
-        process: number of the process; None for all of them.
-    """
-    from dlogen.io.atomic import temporary_prefix
-
-    for place in {path.parent for path in paths_of(folder, key, outputs)}:
-        for path in place.glob(f"{temporary_prefix(process)}*"):
-            with contextlib.suppress(OSError):
-                path.unlink()
 
 
 def _read(task: Task) -> Cloud:

@@ -14,7 +14,8 @@ from pathlib import Path
 from dlogen._version import __version__
 from dlogen.batch.executors.pool import Pool
 from dlogen.batch.item import Item
-from dlogen.batch.job import Failure, Outcome, Plan, Task, failure_of, paths_of, remove_temporaries, write_files
+from dlogen.batch.job import Failure, Outcome, Plan, Task, failure_of
+from dlogen.batch.output_files import paths_of, remove_temporaries, write_files
 from dlogen.batch.store import Row, Store
 from dlogen.config.reader import read_text
 from dlogen.errors import ConfigError, DlogenError, OutputError

@@ -16,7 +16,8 @@ import threading
 from collections.abc import Iterator
 from typing import IO, Any
 
-from dlogen.batch.job import Failure, Outcome, Plan, Task, remove_temporaries
+from dlogen.batch.job import Failure, Outcome, Plan, Task
+from dlogen.batch.output_files import remove_temporaries
 from dlogen.errors import DlogenError
 
 #: How often a cloud is tried whose worker dies.

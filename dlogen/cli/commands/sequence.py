@@ -140,10 +140,7 @@ def command(
             smooth=smooth,
             plot=plot,
         )
-    _write(made, out, in_time=True)
-
-    tell(made.motion, console)
-    console.info("wrote " + ", ".join(dict.fromkeys(str(out / Path(name).parts[0]) for name in made.contents)))
+    _write(made, out, console, in_time=True)
     if as_json:
         print_json(made.report)
     excluded = sum(state != "good" for state in made.motion.states)
@@ -225,15 +222,14 @@ def write_one_model(
 
     made = assemble(keys, rows, folder, _floating(config).replace({"joints.zero": "straight"}), formats, plot=plot)
     out = folder / "one_model"
-    _write(made, out, in_time=False)
-    tell(made.motion, console)
-    console.info("wrote " + ", ".join(dict.fromkeys(str(out / Path(name).parts[0]) for name in made.contents)))
+    _write(made, out, console, in_time=False)
 
 
-def _write(made: Assembled, out: Path, *, in_time: bool) -> None:
-    """Write all files. Models and picture of an earlier run that had another outcome are removed.
+def _write(made: Assembled, out: Path, console: Console, *, in_time: bool) -> None:
+    """Write all files, and say how it went and where they are.
 
-    Beside the new files they would pass for what they are not.
+    Models and picture of an earlier run that had another outcome are removed: beside the new files they would pass for
+    what they are not.
     """
     from dlogen.io.atomic import write_all
     from dlogen.io.registry import model_formats
@@ -246,9 +242,11 @@ def _write(made: Assembled, out: Path, *, in_time: bool) -> None:
     for name in others - made.contents.keys() if changed else ():
         with contextlib.suppress(OSError):
             (out / name).unlink()
+    _tell(made.motion, console)
+    console.info("wrote " + ", ".join(dict.fromkeys(str(out / Path(name).parts[0]) for name in made.contents)))
 
 
-def tell(motion: Motion, console: Console) -> None:
+def _tell(motion: Motion, console: Console) -> None:
     """The outcome in a few lines for people."""
     model = motion.model
     good = model.good

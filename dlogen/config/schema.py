@@ -9,6 +9,7 @@ Lengths (`r`, `r_n`, `e_max`, `normals.radius`) are metres, always: `units` says
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, fields
 from functools import cache
 from pathlib import Path
@@ -598,6 +599,27 @@ class Config(_Section):
                 values |= read_value(config_keys(), key, value, "", problems)
         refuse(problems)
         return self._of(values)
+
+    def value(self, key: str) -> Any:
+        """The value of a dotted key."""
+        section, _, name = key.rpartition(".")
+        return getattr(getattr(self, section) if section else self, name)
+
+    def resolved(self, chosen: Mapping[str, Any]) -> Config:
+        """The configuration with what a fit chose for `auto`.
+
+        What may be set and the rules between keys are for what users say; they do not hold for what was chosen.
+
+        Args:
+            chosen: values by dotted key, of keys that there are.
+        """
+        out = copy(self)
+        for section in {key.rpartition(".")[0] for key in chosen} - {""}:
+            object.__setattr__(out, section, copy(getattr(self, section)))
+        for key, value in chosen.items():
+            section, _, name = key.rpartition(".")
+            object.__setattr__(getattr(out, section) if section else out, name, value)
+        return out
 
     def _values(self) -> Values:
         """All values by dotted key."""

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dlogen.multibody.model import Joint, MultibodyModel, multibody
+from dlogen.multibody.build import multibody
+from dlogen.multibody.model import Joint, MultibodyModel
 from dlogen.types import Mdtw, Result, Segmentation
 
 CHAIN_SCHEMA = "dlogen.chain/1"
@@ -140,11 +141,11 @@ def report_dict(result: Result, reference: dict[str, Any] | None = None) -> dict
         },
         "chosen": result.settings,
         "quality": quality_dict(result),
-        "warnings": [finding.message for finding in result.quality.findings if finding.severity != "note"],
+        "warnings": [finding.message for finding in result.quality.warnings],
     }
     if reference is not None:
         report["reference"] = reference
-    if result.settings["report"]["timings"]:
+    if result.config.report.timings:
         report["timings"] = result.timings
     return report
 
@@ -155,7 +156,7 @@ def segmentation_dict(result: Result) -> dict[str, Any]:
     `dof` counts the inner joints' degrees of freedom. `fewer.resolution` says that all segment lengths were searched,
     but for intervals narrower than this share of them; it is null where the search was a local one (minimax).
     """
-    dof = result.settings["joints"]["dof"]
+    dof = result.config.joints.dof
     chosen = result.segmentation
     out = _criterion_dict(chosen, dof)
     if chosen.fewer is not None:

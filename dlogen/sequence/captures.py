@@ -12,10 +12,11 @@ import numpy as np
 
 from dlogen.batch.runner import shown
 from dlogen.batch.store import Row
-from dlogen.types import Array
+from dlogen.stages.quality.findings import DEVIATION_ABOVE_E_MAX
+from dlogen.types import Array, Finding, Quality
 
 #: Findings about a capture's own chain, which is not used.
-_OF_THE_CHAIN = ("deviation-above-e_max",)
+_OF_THE_CHAIN = (DEVIATION_ABOVE_E_MAX,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,15 +53,12 @@ def read_capture(rows: Mapping[str, Row], key: str, folder: Path, *, keep_doubtf
     if row is None or row.status != "done":
         return CaptureFit(name, None, problem=row.error if row and row.error else "it has not been fitted")
     chain, report = read_fit(folder, key)
-    findings = [
-        item
-        for item in chain["quality"]["findings"]
-        if item["severity"] != "note" and item["code"] not in _OF_THE_CHAIN
-    ]
-    verdict = "bad" if any(item["severity"] == "bad" for item in findings) else "doubtful"
+    findings = map(Finding.from_dict, chain["quality"]["findings"])
+    quality = Quality(tuple(item for item in findings if not any(kind.matches(item) for kind in _OF_THE_CHAIN)))
     problem = None
-    if findings and not (keep_doubtful and verdict == "doubtful"):
-        problem = f"{verdict}: " + "; ".join(f"{item['message']} [{item['code']}]" for item in findings)
+    if not quality.is_good and not (keep_doubtful and not quality.is_bad):
+        said = "; ".join(f"{item.message} [{item.code}]" for item in quality.warnings)
+        problem = f"{quality.verdict}: {said}"
     return CaptureFit(
         name,
         np.array(chain["skeleton"]["points"]),

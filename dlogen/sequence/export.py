@@ -13,7 +13,7 @@ from dlogen.geometry.basis import basis_from_dict
 from dlogen.geometry.mdtw import mdtw
 from dlogen.geometry.polyline import resample
 from dlogen.io.json_text import dump_json
-from dlogen.multibody.model import multibody
+from dlogen.multibody.build import multibody
 from dlogen.sequence.captures import read_fit
 from dlogen.sequence.trajectory import Motion
 from dlogen.sequence.trajectory_tables import trajectory_csv, trajectory_npz
@@ -48,9 +48,7 @@ def result_of(motion: Motion, folder: Path, key: str, config: Config, name: str)
     deviation = float(model.deviation[model.reference])
     error = mdtw(resample(points, config.mdtw.samples), resample(chain.joints, config.mdtw.samples))
     worst = float(error.s[int(np.argmax(error.error))])
-    settings = config.to_dict()
-    settings |= {"r": chain.radius, "e_max": model.e_max}
-    settings["segmentation"]["criterion"] = model.criterion
+    resolved = config.resolved({"r": chain.radius, "e_max": model.e_max, "segmentation.criterion": model.criterion})
     return Result(
         name=name,
         profile=data["profile"],
@@ -64,7 +62,7 @@ def result_of(motion: Motion, folder: Path, key: str, config: Config, name: str)
         mdtw=error,
         residual=Residual(**report["residual"]),
         quality=Quality(),
-        settings=settings,
+        config=resolved,
         provenance=data["provenance"],
         timings={},
         intermediates=(),

@@ -25,7 +25,7 @@ class Exclusion:
     """Why a capture is excluded.
 
     Attributes:
-        code: "failed", "doubtful", "length", "radius", "noise" or "motion".
+        code: "failed", "doubtful", "length", "radius", "noise" or "motion"; see `dlogen.sequence.reasons`.
         message: one sentence, with numbers.
     """
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from dlogen._version import __version__
 from dlogen.io.report import model_dict
-from dlogen.multibody.model import multibody
+from dlogen.multibody.build import multibody
 from dlogen.sequence.outliers import Size
 from dlogen.sequence.trajectory import Motion
 from dlogen.types import Result

@@ -9,7 +9,7 @@ import pytest
 from moving import moved, recorded
 
 from dlogen.config.schema import JointSettings
-from dlogen.multibody.model import multibody
+from dlogen.multibody.build import multibody
 from dlogen.sequence.shared_model import shared_model
 from dlogen.sequence.trajectory import motion_of
 

@@ -8,7 +8,7 @@ import io
 import numpy as np
 from moving import moved
 
-from dlogen.multibody.model import multibody
+from dlogen.multibody.build import multibody
 from dlogen.sequence.trajectory_tables import trajectory_csv, trajectory_npz
 
 

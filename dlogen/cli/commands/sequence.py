@@ -248,6 +248,8 @@ def _write(made: Assembled, out: Path, console: Console, *, in_time: bool) -> No
 
 def _tell(motion: Motion, console: Console) -> None:
     """The outcome in a few lines for people."""
+    from dlogen.sequence.reasons import MOTION
+
     model = motion.model
     good = model.good
     sizes, bend = model.sizes, model.bend
@@ -263,7 +265,7 @@ def _tell(motion: Motion, console: Console) -> None:
     )
     _tell_some([f"{doubt.message} [{doubt.code}]" for doubt in model.doubts], console)
     _tell_some(_exclusion_lines(motion), console)
-    if any(code == "motion" and len(run) >= _PART for code, _, run in _runs(motion)):
+    if any(code == MOTION.code and len(run) >= _PART for code, _, run in _runs(motion)):
         console.hint("if the recording has a cut, or its object was moved meanwhile, give the parts one by one")
     if model.deviation[worst] > model.e_max:
         console.warning("the segments are too long to follow the tightest bends within e_max")

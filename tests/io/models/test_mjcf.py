@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from configured import configured
 
 from dlogen.config.presets import PRESETS
 from dlogen.errors import FitError
 from dlogen.io.models.mjcf import MOST_SEGMENTS, write
-from dlogen.multibody.model import MultibodyModel, multibody
+from dlogen.multibody.build import multibody
+from dlogen.multibody.model import MultibodyModel
 from dlogen.stages.chain import build_chain
 from dlogen.types import Joints, Result
 
@@ -36,7 +38,7 @@ def arc(make_result, straight) -> Make:
         joints = Joints(np.linspace(0, 1, count + 1), points, length / count, length / count)
         chosen = {"joints": {}, "material": {}} | settings
         chain = build_chain(joints, radius)
-        return replace(template, joints=joints, chain=chain, settings={**template.settings, **chosen})
+        return configured(replace(template, joints=joints, chain=chain), **chosen)
 
     return make
 

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from configured import configured
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -16,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from dlogen.evaluation.shapes import centre_line, hose_centre_line, random_centre_line
 from dlogen.geometry.rotations import roll_pitch_yaw
 from dlogen.io.models.urdf import write
-from dlogen.multibody.model import multibody
+from dlogen.multibody.build import multibody
 from dlogen.stages.chain import build_chain
 from dlogen.stages.segmentation.joints import place_joints
 from dlogen.types import Result
@@ -281,9 +282,7 @@ def test_numbers_keep_all_their_digits(exact_line, make_result) -> None:
 
 
 def with_settings(result: Result, **changes: dict[str, object]) -> Result:
-    from dataclasses import replace
-
-    return replace(result, settings={**result.settings, **changes})
+    return configured(result, **changes)
 
 
 @pytest.mark.parametrize("zero", ["scan", "straight"])

@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from dlogen.config.schema import JointSettings
+from dlogen.config.sections import JointSettings
 from dlogen.evaluation.centre_line import CentreLine
 from dlogen.sequence.captures import CaptureFit
 from dlogen.sequence.rigid_links import Shape, equal_links, fit_links

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dlogen.config.defaults import R_PER_E_MAX
 from dlogen.config.fields import AUTO
-from dlogen.config.schema import Segmentation
+from dlogen.config.sections import Segmentation
 from dlogen.errors import FitError
 from dlogen.sequence.captures import CaptureFit
 from dlogen.sequence.interpolation import filled_in, smoothed
@@ -110,7 +111,7 @@ def shared_model(
         times: (F,) seconds, increasing. With them, the same end is first in all captures by their motion, those that
             do not fit between their neighbours are excluded, and those that are excluded get a chain from the ones
             around them. Without, directions are those in which the ends are nearest to those of the first good capture.
-        segmentation: how long the links are; see `dlogen.config.schema`. Joints are material points beside the curve,
+        segmentation: how long the links are; see `dlogen.config.sections`. Joints are material points beside the curve,
             whatever its `placement`.
         e_max: largest distance allowed between the curve of a good capture and its chain, metres; half of the radius by
             default.
@@ -143,7 +144,7 @@ def shared_model(
         doubts += _of_directions(captures, good, shape, times)
         shape = _with_hidden_ends(shape, times[good], 3.0 * sizes.length.spread)
 
-    e_max = 0.5 * sizes.radius.value if e_max is None else e_max
+    e_max = sizes.radius.value / R_PER_E_MAX if e_max is None else e_max
     radius, which, s = _tightest(shape)
     criterion, links = _links(shape, e_max, radius, segmentation or Segmentation())
     fitted = fit_links(shape, links)

@@ -12,7 +12,7 @@ import pytest
 
 from dlogen.batch.job import Failure, Plan, Task, failure_of, run_job
 from dlogen.batch.metrics import METRICS
-from dlogen.config.schema import load_config
+from dlogen.config.reader import load_config
 from dlogen.errors import ConfigError, FitError, InputError, OutputError
 from dlogen.io.cloud_files import write_cloud
 from dlogen.io.outputs import Outputs

@@ -16,7 +16,7 @@ from dlogen.batch.item import Item
 from dlogen.batch.job import Failure, Outcome, Plan, Task, run_job
 from dlogen.batch.runner import Batch, BatchOptions, shown
 from dlogen.batch.store import Row, Store
-from dlogen.config.schema import load_config
+from dlogen.config.reader import load_config
 from dlogen.errors import OutputError
 from dlogen.io.atomic import temporary_prefix
 from dlogen.io.outputs import Outputs

@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 from dlogen.batch.job import Plan, Task, run_job
-from dlogen.config.schema import Config, JointSettings, load_config
+from dlogen.config.reader import load_config
+from dlogen.config.schema import Config
+from dlogen.config.sections import JointSettings
 from dlogen.evaluation.shapes import random_centre_line
 from dlogen.evaluation.synthetic import sample_tube
 from dlogen.io.cloud_files import write_cloud

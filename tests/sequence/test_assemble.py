@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dlogen.batch.store import Row
-from dlogen.config.schema import load_config
+from dlogen.config.reader import load_config
 from dlogen.errors import FitError
 from dlogen.sequence.assemble import assemble
 from dlogen.sequence.timestamps import capture_times

@@ -11,7 +11,8 @@ import pytest
 from moving import LENGTH, moved
 
 from dlogen.batch.store import Row
-from dlogen.config.schema import JointSettings, Segmentation, load_config
+from dlogen.config.reader import load_config
+from dlogen.config.sections import JointSettings, Segmentation
 from dlogen.io.registry import model_format, model_formats
 from dlogen.sequence.captures import read_capture
 from dlogen.sequence.export import contents, result_of

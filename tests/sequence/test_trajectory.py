@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from moving import moved, recorded
 
-from dlogen.config.schema import JointSettings
+from dlogen.config.sections import JointSettings
 from dlogen.multibody.build import multibody
 from dlogen.sequence.shared_model import shared_model
 from dlogen.sequence.trajectory import motion_of

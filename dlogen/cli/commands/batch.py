@@ -81,7 +81,7 @@ def command(
     from dlogen.batch.store import NAME as STORE
     from dlogen.batch.store import Store
     from dlogen.cli.batch_progress import run_batch
-    from dlogen.config.schema import load_config
+    from dlogen.config.reader import load_config
     from dlogen.io.atomic import refuse_existing
     from dlogen.io.outputs import Outputs
 

@@ -159,7 +159,9 @@ def _configs(path: str | None, given: tuple[str, ...], console: Console) -> tupl
     only: the segments of a capture alone are of no interest, and when the model's settings change, nothing has to be
     fitted again.
     """
-    from dlogen.config.schema import Config, JointSettings, load_config
+    from dlogen.config.reader import load_config
+    from dlogen.config.schema import Config
+    from dlogen.config.sections import JointSettings
 
     def of_the_model(key: str) -> bool:
         section, _, name = key.strip().rpartition(".")

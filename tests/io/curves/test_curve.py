@@ -163,6 +163,7 @@ def test_our_urdf_has_the_joints_of_the_chain(result: Result, tmp_path: Path) ->
     assert curve.points == pytest.approx(result.chain.joints, abs=1e-9)
 
 
+@pytest.mark.oracle
 def test_forward_kinematics_is_that_of_yourdfpy(result: Result, tmp_path: Path) -> None:
     yourdfpy = pytest.importorskip("yourdfpy")
     path = written(tmp_path, "arm.urdf", robot(*ARM))

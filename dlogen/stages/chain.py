@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from dlogen.geometry.arc_length import even_parameters
+from dlogen.geometry.mdtw import mdtw
 from dlogen.geometry.parallel_transport import minimal_rotation_frames
-from dlogen.types import Array, Chain, Joints, Skeleton
+from dlogen.geometry.polyline import resample
+from dlogen.types import Array, Chain, Joints, Mdtw, Skeleton
 
 
 def build_chain(joints: Joints, radius: float) -> Chain:
@@ -85,3 +88,14 @@ def _to_segments(line: Skeleton, s: Array, start: Array, end: Array) -> Array:
     foot = start[:, None] + np.clip(along, 0.0, 1.0)[..., None] * axis[:, None]
     distance: Array = np.linalg.norm(points - foot, axis=2)
     return distance
+
+
+def chain_error(line: Skeleton, chain: Chain, samples: int) -> Mdtw:
+    """MDTW between skeleton line and chain (paper IV.A, Eq. 21-22), both sampled evenly in arc length (Fig. 9).
+
+    Args:
+        line: the skeleton line.
+        chain: made from it.
+        samples: points on each.
+    """
+    return mdtw(line(even_parameters(line, samples)), resample(chain.joints, samples))

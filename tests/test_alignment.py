@@ -32,7 +32,9 @@ from odd_clouds import with_defects, write_pcd
 from scipy.spatial.transform import Rotation
 
 import dlogen
-from dlogen.synthetic import CentreLine, from_points, loop_centre_line, random_centre_line, sample_tube
+from dlogen.evaluation.centre_line import CentreLine, from_points
+from dlogen.evaluation.shapes import loop_centre_line, random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
 
 Array = np.ndarray
 

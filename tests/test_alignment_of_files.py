@@ -15,7 +15,8 @@ from by_hand import arc_lengths, at, evenly, feet, read_dump, same_rows, vectors
 from odd_clouds import Rows, with_defects, write_pcd, write_ply
 
 import dlogen
-from dlogen.synthetic import random_centre_line, sample_tube
+from dlogen.evaluation.shapes import random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
 
 Array = np.ndarray
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal, cast
@@ -608,21 +608,17 @@ class Config(_Section):
     def resolved(self, chosen: Mapping[str, Any]) -> Config:
         """The configuration with what a fit chose for `auto`.
 
-        The rules between keys are for what users say; they do not hold for what was chosen.
+        What may be set and the rules between keys are for what users say; they do not hold for what was chosen.
 
         Args:
             chosen: values by dotted key, of keys that there are.
         """
-        of_section: dict[str, dict[str, Any]] = {}
         out = copy(self)
+        for section in {key.rpartition(".")[0] for key in chosen} - {""}:
+            object.__setattr__(out, section, copy(getattr(self, section)))
         for key, value in chosen.items():
             section, _, name = key.rpartition(".")
-            if section:
-                of_section.setdefault(section, {})[name] = value
-            else:
-                object.__setattr__(out, name, value)
-        for section, values in of_section.items():
-            object.__setattr__(out, section, replace(getattr(self, section), **values))
+            object.__setattr__(getattr(out, section) if section else out, name, value)
         return out
 
     def _values(self) -> Values:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dlogen.types import Array
+from dlogen.types.short_repr import ShortRepr
 
 Curve = Callable[[Array, int], Array]
 
@@ -24,8 +25,8 @@ _PANELS = 1024
 _CHUNK = 1 << 16
 
 
-@dataclass(frozen=True, eq=False)
-class CentreLine:
+@dataclass(frozen=True, eq=False, repr=False)
+class CentreLine(ShortRepr):
     """A curve in space, seen through its material coordinate s in [0, 1]: the arc length divided by the length.
 
     Attributes:

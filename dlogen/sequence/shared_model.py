@@ -13,6 +13,7 @@ from dlogen.errors import FitError
 from dlogen.sequence.interpolation import filled_in, smoothed
 from dlogen.sequence.orientation import directions, hidden_ends, misfits, unclear_directions
 from dlogen.sequence.outliers import Aside, Observed, Sizes, common_sizes, set_aside
+from dlogen.sequence.reasons import LENGTH, RADIUS
 from dlogen.sequence.rigid_links import Shape, deviations, equal_links, fewest_links, fit_links, links_of_length
 from dlogen.stages.segmentation.segment_length import max_segment_length
 from dlogen.types import Array, BoolArray
@@ -178,7 +179,9 @@ def _of_sizes(observed: Sequence[Observed], asides: Sequence[Aside | None], size
     if len(believed) < 2 or (sizes.length.agreed and sizes.radius.agreed and 2 * within > len(believed)):
         return []
     codes = Counter(aside.code for aside in asides if aside is not None)
-    what = "radius" if codes["radius"] > codes["length"] or sizes.length.agreed > sizes.radius.agreed else "length"
+    what = (
+        "radius" if codes[RADIUS.code] > codes[LENGTH.code] or sizes.length.agreed > sizes.radius.agreed else "length"
+    )
     values, usual = [getattr(item, what) for item in believed], getattr(sizes, what).value
     return [
         Doubt(

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from dlogen.types.arrays import Array, BoolArray, IntArray
 from dlogen.types.intermediate import Intermediate
 from dlogen.types.quality import Finding
+from dlogen.types.short_repr import ShortRepr
 
 
 class Basis(Protocol):
@@ -39,8 +40,8 @@ class Basis(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class SortedPoints:
+@dataclass(frozen=True, eq=False, repr=False)
+class SortedPoints(ShortRepr):
     """Projected points in their order along the object (the paper's P_s and s_s).
 
     Attributes:
@@ -56,8 +57,8 @@ class SortedPoints:
     unreached: IntArray
 
 
-@dataclass(frozen=True, eq=False)
-class Skeleton:
+@dataclass(frozen=True, eq=False, repr=False)
+class Skeleton(ShortRepr):
     """The skeleton line f(s) = sum_j W_j phi_j(s) + offset, s in [0, 1] (paper III.C, Eq. 7).
 
     Attributes:
@@ -78,8 +79,8 @@ class Skeleton:
         return value + self.offset if derivative == 0 else value
 
 
-@dataclass(frozen=True, eq=False)
-class FittedLine:
+@dataclass(frozen=True, eq=False, repr=False)
+class FittedLine(ShortRepr):
     """A skeleton line with what a profile knows of it.
 
     Attributes:

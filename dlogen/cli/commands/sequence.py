@@ -248,6 +248,8 @@ def _write(made: Assembled, out: Path, *, in_time: bool) -> None:
 
 def tell(motion: Motion, console: Console) -> None:
     """The outcome in a few lines for people."""
+    from dlogen.sequence.reasons import MOTION
+
     common = motion.common
     good = common.good
     sizes, bend = common.sizes, common.bend
@@ -263,7 +265,7 @@ def tell(motion: Motion, console: Console) -> None:
     )
     _tell_some([f"{doubt.message} [{doubt.code}]" for doubt in common.doubts], console)
     _tell_some(_set_aside(motion), console)
-    if any(code == "motion" and len(run) >= _PART for code, _, run in _runs(motion)):
+    if any(code == MOTION.code and len(run) >= _PART for code, _, run in _runs(motion)):
         console.hint("if the recording has a cut, or its object was moved meanwhile, give the parts one by one")
     if common.deviation[worst] > common.e_max:
         console.warning("the segments are too long to follow the tightest bends within e_max")

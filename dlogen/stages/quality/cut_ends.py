@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dlogen.geometry.parallel_transport import minimal_rotation_frames
+from dlogen.stages.quality.findings import END_CUT_OFF
 from dlogen.types import Array, BoolArray, Finding, Skeleton
 
 #: Sectors of the circumference, and radii of length that are looked at.
@@ -45,12 +46,11 @@ def cut_ends(points: Array, s: Array, on_tube: BoolArray, line: Skeleton, radius
         along = np.where(clipped > 0.0, -clipped, (points[near] - tip) @ tangent)
         tilt, std = _tilt(along, offset @ frame[:, 1], offset @ frame[:, 2], radius)
         if tilt > _TILT and tilt > _SURE * std:
-            x, y, z = (float(value) for value in tip)
             angle = np.degrees(np.arctan(tilt))
             message = (
                 f"the {name} end is cut off at {angle:.0f} degrees to the cross-section: the object may go on there"
             )
-            findings.append(Finding("end-cut-off", message, "doubtful", end, (x, y, z)))
+            findings.append(END_CUT_OFF.at(line, end, message))
     return findings
 
 

@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 from dlogen._version import __version__
 
 if TYPE_CHECKING:
-    from dlogen.config.schema import Config, load_config
+    from dlogen.config.reader import load_config
+    from dlogen.config.schema import Config
     from dlogen.errors import ConfigError, DlogenError, FitError, InputError, OutputError, UsageError
     from dlogen.evaluation.comparison import compare
     from dlogen.evaluation.synthetic import SyntheticCloud, synth
@@ -56,7 +57,7 @@ _HOME = {
     "fit": "dlogen.pipeline",
     "forward_kinematics": "dlogen.multibody.model",
     "load_chain": "dlogen.io.chain_file",
-    "load_config": "dlogen.config.schema",
+    "load_config": "dlogen.config.reader",
     "load_curve": "dlogen.io.curves.curve",
     "read_cloud": "dlogen.io.cloud_files",
     "read_raw": "dlogen.io.cloud_files",

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dlogen._version import __version__
-from dlogen.config.schema import Config, load_config
+from dlogen.config.reader import load_config
+from dlogen.config.schema import Config
 from dlogen.errors import ConfigError, DlogenError, FitError, InputError, OutputError
 from dlogen.io.outputs import Outputs
 

@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from dlogen.config.defaults import ROOT_LINK
 from dlogen.config.fields import AUTO
 from dlogen.config.schema import Config
 from dlogen.errors import InputError
 from dlogen.geometry.basis import basis_from_dict
 from dlogen.io.report import CHAIN_SCHEMA
-from dlogen.multibody.build import ROOT, build_model
+from dlogen.multibody.build import build_model
 from dlogen.multibody.model import MultibodyModel
 from dlogen.types import Array, Chain, Finding, Frame, Quality, Skeleton
 from dlogen.types.short_repr import ShortRepr
@@ -72,7 +73,7 @@ class LoadedChain(ShortRepr):
             self.config.joints,
             self.config.material,
             name=self.name,
-            root=ROOT if self.config.frame.name == AUTO else self.frame.name,
+            root=ROOT_LINK if self.config.frame.name == AUTO else self.frame.name,
         )
 
     @property

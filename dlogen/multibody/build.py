@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dlogen.config.schema import AUTO, JointSettings, Material
+from dlogen.config.defaults import ROOT_LINK
+from dlogen.config.fields import AUTO
+from dlogen.config.sections import JointSettings, Material
 from dlogen.errors import ConfigError
 from dlogen.geometry.rotations import bend_and_twist_angles, bend_angles, hinges
 from dlogen.multibody.materials import Properties, properties
@@ -16,10 +18,6 @@ from dlogen.types import Array, Chain, Pose
 
 if TYPE_CHECKING:
     from dlogen.types import Result
-
-
-#: Name of the frame that the base is placed in, unless the configuration names one (`frame.name`).
-ROOT = "base_link"
 
 
 def multibody(result: Result, name: str | None = None) -> MultibodyModel:
@@ -39,7 +37,7 @@ def multibody(result: Result, name: str | None = None) -> MultibodyModel:
         config.material,
         name=name or result.name,
         recorded=result.recorded,
-        root=ROOT if config.frame.name == AUTO else result.frame.name,
+        root=ROOT_LINK if config.frame.name == AUTO else result.frame.name,
     )
 
 
@@ -49,7 +47,7 @@ def build_model(
     material: Material,
     *,
     name: str = "cable",
-    root: str = ROOT,
+    root: str = ROOT_LINK,
     recorded: tuple[Pose, ...] = (),
 ) -> MultibodyModel:
     """Bodies and joints of a chain (paper Eq. 1-2).

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dlogen.config.defaults import CHAIN_FRAME
 from dlogen.types.arrays import Array
 from dlogen.types.short_repr import ShortRepr
 
@@ -107,7 +108,7 @@ class Frame(ShortRepr):
         transform: (4, 4) that takes the cloud's points, in metres, into it.
     """
 
-    name: str = "cloud"
+    name: str = CHAIN_FRAME
     transform: Array = field(default_factory=lambda: np.eye(4))
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from dlogen.config.schema import JointSettings, Material
+from dlogen.config.sections import JointSettings, Material
 from dlogen.errors import ConfigError
 from dlogen.multibody.build import build_model, multibody
 from dlogen.stages.chain import build_chain

@@ -66,7 +66,7 @@ def command(
 
     Writes NAME.urdf, NAME.json (the kinematic chain) and NAME.report.json (the errors), all in metres.
     """
-    from dlogen.config.schema import load_config
+    from dlogen.config.reader import load_config
     from dlogen.errors import DlogenError, FitError, UsageError
     from dlogen.io.atomic import refuse_existing, write_all
     from dlogen.io.outputs import Outputs

@@ -97,7 +97,7 @@ class FindingKind(Explanation):
 
     def at(self, line: Skeleton, s: float, message: str, severity: Severity | None = None) -> Finding:
         """A finding of this kind at a coordinate of the line, with its place in space; otherwise as `found`."""
-        x, y, z = (float(value) for value in line(s)[0])
+        x, y, z = (float(value) for value in line(s))
         return self.found(message, severity, s=s, position=(x, y, z))
 
     def matches(self, finding: Finding) -> bool:

@@ -140,7 +140,7 @@ def test_severities_that_a_kind_does_not_have_are_refused() -> None:
 
 def test_a_finding_at_a_coordinate_has_its_place_in_space() -> None:
     def line(s: float) -> Array:
-        return np.array([[2.0 * s, s**2, 0.5 - s]])
+        return np.array([2.0 * s, s**2, 0.5 - s])
 
     finding = GAP.at(line, 0.25, "no points", "note")
     assert finding == Finding("gap", "no points", "note", 0.25, (0.5, 0.0625, 0.25))

@@ -184,7 +184,7 @@ class _Cluster:
     def __init__(self, scheduler: str, say: Callable[[str], None]) -> None:
         self._scheduler, self._say = scheduler, say
         self._client = _connect(scheduler)
-        self.under_way: dict[str, tuple[Future, list[Task]]] = {}
+        self.under_way: dict[str, tuple[Future[Any], list[Task]]] = {}
         self._arrived: queue.SimpleQueue[tuple[str, Reply | BaseException]] = queue.SimpleQueue()
         self._run = f"dlogen-{uuid.uuid4().hex}"
         self._count = 0
@@ -286,7 +286,7 @@ def scheduler_of(path: str) -> str:
     raise UsageError(reason, hint, path=path)
 
 
-def _fetch(key: str, arrived: queue.SimpleQueue[tuple[str, Reply | BaseException]], future: Future) -> None:
+def _fetch(key: str, arrived: queue.SimpleQueue[tuple[str, Reply | BaseException]], future: Future[Any]) -> None:
     try:
         arrived.put((key, future.result()))
     except BaseException as error:  # of the task, or because it was cancelled
@@ -301,7 +301,7 @@ def _is_killed_worker(error: BaseException) -> bool:
 
 def _connect(scheduler: str) -> Client:
     from distributed import Client
-    from distributed.comm import get_address_host_port
+    from distributed.comm.addressing import get_address_host_port
 
     hint = "dask scheduler prints its address when it starts, such as tcp://10.0.0.1:8786"
     try:

@@ -168,7 +168,8 @@ def _draw_coordinates(uniform: Array, gaps: Sequence[tuple[float, float]], ratio
         s = share
     else:
         s = (np.sqrt(1 + share * grow * (2 + grow)) - 1) / grow
-    return np.clip(s, low[i], high[i])
+    inside: Array = np.clip(s, low[i], high[i])
+    return inside
 
 
 def _draw_normals(uniform: Array, tangents: Array, side: npt.ArrayLike | None) -> Array:
@@ -185,7 +186,8 @@ def _draw_normals(uniform: Array, tangents: Array, side: npt.ArrayLike | None) -
     if (norm < 1e-9).any():
         raise ValueError("the viewer looks exactly along the object: choose another side")
     across /= norm
-    return np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.cross(tangents, across)
+    normals: Array = np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.cross(tangents, across)
+    return normals
 
 
 def _unit_vector(direction: npt.ArrayLike) -> Array:

@@ -134,7 +134,8 @@ def _read(path: Path) -> Mapping[str, Any]:
     if schema != CHAIN_SCHEMA:
         hint = "give NAME.json, not NAME.report.json" if schema == "dlogen.report/1" else "dlogen fit writes chains"
         raise InputError(f"this is not a chain: its schema is {schema!r}, not {CHAIN_SCHEMA!r}", hint, path=path)
-    return data
+    chain: Mapping[str, Any] = data
+    return chain
 
 
 def _chain(name: str, data: Mapping[str, Any]) -> LoadedChain:

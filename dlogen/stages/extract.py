@@ -209,7 +209,8 @@ def main_parts(points: Array, farthest: float = np.inf) -> BoolArray:
         chosen = points[np.random.default_rng(0).choice(len(points), _MOST, replace=False)]
         # Thinned out, they are farther apart by the square root of how many there were for each: they fill a surface.
         thinned = farthest * np.sqrt(len(points) / _MOST)
-        return main_parts(chosen, thinned)[cKDTree(chosen).query(points)[1]]
+        belongs: BoolArray = main_parts(chosen, thinned)[cKDTree(chosen).query(points)[1]]
+        return belongs
     tree = cKDTree(points)
     pairs = tree.query_pairs(min(_LINK * _spacing(tree), farthest), output_type="ndarray")
     neighbours = np.bincount(pairs.ravel(), minlength=len(points))

@@ -131,6 +131,7 @@ def test_keyframes_replay_in_mujoco(done, arrays) -> None:
         assert joints == pytest.approx(arrays["joint_positions"][k], abs=1e-6)
 
 
+@pytest.mark.oracle
 def test_urdf_and_trajectory_in_pinocchio(done, arrays) -> None:
     pinocchio = pytest.importorskip("pinocchio")
     robot = pinocchio.buildModelFromUrdf(str(done[0] / "model.urdf"))
@@ -148,6 +149,7 @@ def test_urdf_and_trajectory_in_pinocchio(done, arrays) -> None:
         assert np.all(robot.lowerPositionLimit[7:] <= q[7:]) and np.all(q[7:] <= robot.upperPositionLimit[7:])
 
 
+@pytest.mark.oracle
 def test_urdf_and_trajectory_in_yourdfpy(done, arrays) -> None:
     yourdfpy = pytest.importorskip("yourdfpy")
     robot = yourdfpy.URDF.load(str(done[0] / "model.urdf"), load_meshes=False, build_scene_graph=True)

@@ -18,6 +18,7 @@ import numpy as np
 from dlogen.errors import UsageError
 from dlogen.evaluation.centre_line import CentreLine
 from dlogen.evaluation.shapes import hose_centre_line
+from dlogen.geometry.vectors import dots
 from dlogen.types import Array, BoolArray, IntArray, RawCloud
 
 #: Spheres along the axis this many radii apart: their union is within 1e-3 radii of a straight tube.
@@ -178,7 +179,7 @@ def _tube_depth(line: CentreLine, radius: float, camera: Camera) -> tuple[Array,
         order = order[t[order] < depth[pixel[order]]]
         pixel, ray = pixel[order], rays[pixel[order]]
         depth[pixel] = t[order]
-        cosine[pixel] = -np.einsum("ij,ij->i", normal[order], ray) / np.linalg.norm(ray, axis=1)
+        cosine[pixel] = -dots(normal[order], ray) / np.linalg.norm(ray, axis=1)
 
     caps = [
         (s, line(s)[0], direction * line.tangents(s)[0]) for s, direction in ((0.0, -1.0), (1.0, 1.0))
@@ -207,9 +208,9 @@ def _tube_depth(line: CentreLine, radius: float, camera: Camera) -> tuple[Array,
         pixel, owner = place[inside] @ [1, camera.width], owner[inside]
         ray, centre = rays[pixel], part[owner]
         # |t d - c|^2 = r^2 with d_z = 1, so that t is the depth.
-        a = np.einsum("ij,ij->i", ray, ray)
-        b = np.einsum("ij,ij->i", ray, centre)
-        root = b * b - a * (np.einsum("ij,ij->i", centre, centre) - radius**2)
+        a = dots(ray, ray)
+        b = dots(ray, centre)
+        root = b * b - a * (dots(centre, centre) - radius**2)
         hit = root > 0.0
         t = (b[hit] - np.sqrt(root[hit])) / a[hit]
         pixel, owner, centre = pixel[hit], owner[hit] + start, centre[hit]

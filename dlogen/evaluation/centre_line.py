@@ -9,6 +9,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from dlogen.geometry.curvature import curvature_of
+from dlogen.geometry.polyline import segment_lengths
+from dlogen.geometry.vectors import dots, unit
 from dlogen.types import Array
 
 Curve = Callable[[Array, int], Array]
@@ -92,16 +95,14 @@ class CentreLine:
 
     def tangents(self, s: npt.ArrayLike) -> Array:
         """Unit tangents: (K,) -> (K, 3)."""
-        first = _in_chunks(lambda t: self.curve(t, 1), self.parameter(s))
-        return first / np.linalg.norm(first, axis=1, keepdims=True)
+        return unit(_in_chunks(lambda t: self.curve(t, 1), self.parameter(s)))
 
     def curvature(self, s: npt.ArrayLike) -> Array:
         """Curvature |f' x f''| / |f'|^3 (paper Eq. 16), 1/m: (K,) -> (K,)."""
         return _in_chunks(self._curvature, self.parameter(s))
 
     def _curvature(self, t: Array) -> Array:
-        first, second = self.curve(t, 1), self.curve(t, 2)
-        return np.linalg.norm(np.cross(first, second), axis=1) / np.linalg.norm(first, axis=1) ** 3
+        return curvature_of(self.curve(t, 1), self.curve(t, 2))
 
     def max_curvature(self) -> float:
         """The largest curvature, 1/m: one over the smallest radius of curvature."""
@@ -124,8 +125,8 @@ class CentreLine:
         for _ in range(6):
             offset, tangent = self(s) - points, self.tangents(s)
             # d/ds of the above is 1 + (f - p) . (curvature vector) > 0 this side of the centre of curvature.
-            slope = 1.0 + np.einsum("ij,ij->i", offset, self._curvature_vector(s))
-            step = np.einsum("ij,ij->i", offset, tangent) / np.maximum(slope, 0.2)
+            slope = 1.0 + dots(offset, self._curvature_vector(s))
+            step = dots(offset, tangent) / np.maximum(slope, 0.2)
             s = np.clip(s - step / self.length, start - 2 / count, start + 2 / count)
             s = np.clip(s, 0.0, 1.0)
         return s, np.linalg.norm(self(s) - points, axis=1)
@@ -133,8 +134,8 @@ class CentreLine:
     def _curvature_vector(self, s: Array) -> Array:
         t = self.parameter(s)
         first, second = self.curve(t, 1), self.curve(t, 2)
-        squared = np.einsum("ij,ij->i", first, first)[:, None]
-        along = np.einsum("ij,ij->i", first, second)[:, None]
+        squared = dots(first, first)[:, None]
+        along = dots(first, second)[:, None]
         return (second - first * along / squared) / squared
 
     def moved(self, rotation: Array, translation: Array) -> CentreLine:
@@ -171,7 +172,7 @@ def from_points(points: npt.ArrayLike, name: str = "points") -> CentreLine:
         raise ValueError(f"a centre line needs at least two points with three coordinates, not {points.shape}")
     if not np.isfinite(points).all():
         raise ValueError("a centre line needs finite coordinates")
-    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    chords = segment_lengths(points)
     if (chords <= 1e-9 * chords.sum()).any():
         raise ValueError(
             f"point {int(np.argmin(chords)) + 2} of the centre line is in the same place as the one before"

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dlogen.evaluation.centre_line import CentreLine
+from dlogen.geometry.vectors import dots
 from dlogen.types import Array, BoolArray
 
 
@@ -132,7 +133,7 @@ def _draw_normals(uniform: Array, tangents: Array, side: npt.ArrayLike | None) -
     else:
         towards = np.broadcast_to(-_unit_vector(side), tangents.shape)
         angle = np.pi * (uniform - 0.5)
-    across = towards - tangents * np.einsum("ij,ij->i", towards, tangents)[:, None]
+    across = towards - tangents * dots(towards, tangents)[:, None]
     norm = np.linalg.norm(across, axis=1, keepdims=True)
     if (norm < 1e-9).any():
         raise ValueError("the viewer looks exactly along the object: choose another side")

@@ -21,6 +21,7 @@ import numpy as np
 from dlogen.config.schema import AUTO, JointSettings, Material
 from dlogen.errors import ConfigError
 from dlogen.geometry.rotations import bend_and_twist_angles, bend_angles, hinges
+from dlogen.geometry.vectors import dots
 from dlogen.multibody.materials import Properties, properties
 from dlogen.types import Array, Chain, Pose
 
@@ -250,7 +251,7 @@ def build_model(
     damping = np.array([props.bending_damping, props.bending_damping, props.torsional_damping][: joints.dof])
     bends = np.arctan2(
         np.linalg.norm(np.cross(tangents[:-1], tangents[1:]), axis=1),
-        np.einsum("ij,ij->i", tangents[:-1], tangents[1:]),
+        dots(tangents[:-1], tangents[1:]),
     )
     bend_limits = _bend_limits(joints.min_bend_radius, lengths, bends)
 

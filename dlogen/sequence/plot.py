@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dlogen.geometry.vectors import dots
 from dlogen.io.plots import BLUE, GREEN, ORANGE, RED, canvas, png
 from dlogen.sequence.trajectory import Motion
 
@@ -118,7 +119,7 @@ def _draw_bends(axes: Axes, motion: Motion) -> None:
     clock, name = _clock(motion)
     common = motion.common
     edges = np.diff(common.joints, axis=1) / common.links[:, None]
-    bends = np.degrees(np.arccos(np.clip(np.einsum("fcx,fcx->fc", edges[:, 1:], edges[:, :-1]), -1.0, 1.0)))
+    bends = np.degrees(np.arccos(np.clip(dots(edges[:, 1:], edges[:, :-1]), -1.0, 1.0)))
     if bends.shape[1] == 0:
         axes.text(0.5, 0.5, "one segment: no joints", ha="center", va="center", transform=axes.transAxes)
         axes.set_axis_off()

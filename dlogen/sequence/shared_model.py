@@ -10,6 +10,7 @@ import numpy as np
 
 from dlogen.config.schema import AUTO, Segmentation
 from dlogen.errors import FitError
+from dlogen.geometry.vectors import dots
 from dlogen.sequence.interpolation import filled_in, smoothed
 from dlogen.sequence.orientation import directions, hidden_ends, misfits, unclear_directions
 from dlogen.sequence.outliers import Aside, Observed, Sizes, common_sizes, set_aside
@@ -154,7 +155,7 @@ def common_model(
     if times is not None:
         joints = filled_in(joints, links, times, _good(asides, observed))
     edges = np.diff(fitted, axis=1) / links[:, None]
-    bends = 1.0 - np.einsum("fcx,fcx->fc", edges[:, 1:], edges[:, :-1])
+    bends = 1.0 - dots(edges[:, 1:], edges[:, :-1])
     return Common(
         observed=tuple(observed),
         asides=tuple(asides),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dlogen.errors import InputError
+from dlogen.geometry.polyline import segment_lengths
 from dlogen.types import Array
 
 #: A step along an ordered polyline is about as long as the way to the nearest vertex, in a cloud it is far longer.
@@ -20,7 +21,7 @@ def in_order(points: Array) -> Array:
         return points
     from scipy.spatial import cKDTree
 
-    step = float(np.median(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+    step = float(np.median(segment_lengths(points)))
     nearest = float(np.median(cKDTree(points).query(points, k=2)[0][:, 1]))
     if step > _DISORDER * nearest:
         raise InputError(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dlogen.geometry.parallel_transport import minimal_rotation_frames
+from dlogen.geometry.vectors import as_place, unit
 from dlogen.types import Array, BoolArray, Finding, Skeleton
 
 #: Sectors of the circumference, and radii of length that are looked at.
@@ -35,7 +36,7 @@ def cut_ends(points: Array, s: Array, on_tube: BoolArray, line: Skeleton, radius
     for end, name in ((0.0, "first"), (1.0, "last")):
         # Feet are clipped to the line; beyond its end the distance along its tangent counts.
         tip, tangent = line(end)[0], line(end, 1)[0]
-        tangent = tangent / np.linalg.norm(tangent) * (1.0 if end == 1.0 else -1.0)
+        tangent = unit(tangent) * (1.0 if end == 1.0 else -1.0)
         near = on_tube & (np.abs(s - end) * line.length < _REACH * radius)
         if np.count_nonzero(near) < _FEWEST * _SECTORS:
             continue
@@ -45,12 +46,11 @@ def cut_ends(points: Array, s: Array, on_tube: BoolArray, line: Skeleton, radius
         along = np.where(clipped > 0.0, -clipped, (points[near] - tip) @ tangent)
         tilt, std = _tilt(along, offset @ frame[:, 1], offset @ frame[:, 2], radius)
         if tilt > _TILT and tilt > _SURE * std:
-            x, y, z = (float(value) for value in tip)
             angle = np.degrees(np.arctan(tilt))
             message = (
                 f"the {name} end is cut off at {angle:.0f} degrees to the cross-section: the object may go on there"
             )
-            findings.append(Finding("end-cut-off", message, "doubtful", end, (x, y, z)))
+            findings.append(Finding("end-cut-off", message, "doubtful", end, as_place(tip)))
     return findings
 
 

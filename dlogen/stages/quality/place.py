@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from dlogen.geometry.vectors import as_place
 from dlogen.types import Finding, Skeleton
 
 
 def finding_at(line: Skeleton, code: str, message: str, severity: str, s: float) -> Finding:
     """A finding at a coordinate of the line, with its place in space."""
-    x, y, z = (float(value) for value in line(s)[0])
-    return Finding(code, message, severity, s, (x, y, z))
+    return Finding(code, message, severity, s, as_place(line(s)[0]))

@@ -13,8 +13,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dlogen.errors import FitError
-from dlogen.geometry.polyline import arc_lengths, resample
+from dlogen.geometry.polyline import arc_lengths, resample, segment_lengths
+from dlogen.geometry.runs import runs
 from dlogen.geometry.sampling import middle, spatial_sample
+from dlogen.geometry.vectors import as_place
 from dlogen.stages.refined.beads import string_beads
 from dlogen.stages.refined.branches import cut_at_junctions, trace_pieces
 from dlogen.stages.refined.joins import Join, bending_cost, bridge, chains, join_pieces
@@ -169,14 +171,14 @@ def _beads(points: Array, radius: float | None) -> Ordering:
     line = string_beads(beads)
     if _runs_backwards(line):
         line = line[::-1]
-    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    steps = segment_lengths(line)
     typical = float(np.median(steps))
     s = arc_lengths(line) / steps.sum()
     message = f"only {len(beads)} points: they show an order, but no radius"
     findings = [Finding("too-few-points", message)]
     joins = []
     for i in np.flatnonzero(steps > 4.0 * typical):
-        middle = _place(0.5 * (line[i] + line[i + 1]))
+        middle = as_place(0.5 * (line[i] + line[i + 1]))
         joins.append(Bridge((float(s[i]), float(s[i + 1])), middle, float(steps[i]), "gap", 1.0))
         findings.append(_gap_finding(float(steps[i]), float(steps[i] / steps.sum()), 0.5 * (s[i] + s[i + 1]), middle))
     parts = np.split(line, [i + 1 for i in np.flatnonzero(steps > 4.0 * typical)])
@@ -259,7 +261,7 @@ def _bridges(line: _Line, points: Array, tree: cKDTree, r: float) -> list[Bridge
             kind = "touch" if nearest < 2.4 * r else "crossing" if nearest < 3.5 * r else "gap"
         certainty = 1.0 if np.isinf(join.margin) else join.margin / (join.margin + join.cost)
         gap = _largest_hole(stretch, points, tree, r)
-        result.append(Bridge((s[a] / s[-1], s[b] / s[-1]), _place(middle), gap, kind, float(certainty)))
+        result.append(Bridge((s[a] / s[-1], s[b] / s[-1]), as_place(middle), gap, kind, float(certainty)))
     return result
 
 
@@ -269,18 +271,14 @@ def _largest_hole(stretch: Array, points: Array, tree: cKDTree, r: float) -> flo
     step = arc_lengths(dense)[-1] / (len(dense) - 1)
     # A slice across the line is empty if no point is nearer to its centre than the surface and a little more.
     lonely = np.isinf(tree.query(dense, distance_upper_bound=1.3 * r)[0])
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], lonely, [False]]).astype(int)))
-    longest = int((edges[1::2] - edges[::2]).max(initial=0))
+    first, last = runs(lonely)
+    longest = int((last - first).max(initial=0))
     # Points up to 0.8 r farther along fill a slice.
     return longest * step + 1.6 * r if longest else 0.0
 
 
 def _moved(item: Bridge, origin: Array) -> Bridge:
-    return replace(item, position=_place(np.array(item.position) + origin))
-
-
-def _place(point: Array) -> tuple[float, float, float]:
-    return float(point[0]), float(point[1]), float(point[2])
+    return replace(item, position=as_place(np.array(item.position) + origin))
 
 
 def _millimetres(value: float) -> str:
@@ -326,11 +324,11 @@ def _about_rest(others: list[_Line], line: _Line, r: float, origin: Array) -> li
         nearest = int(np.argmin(distance))
         what = f"{_millimetres(other.length)} long"
         if distance[nearest] < _BRANCH * r:
-            place = _place(line.points[index[nearest]] + origin)
+            place = as_place(line.points[index[nearest]] + origin)
             s = float(index[nearest] / (len(line.points) - 1))
             findings.append(Finding("branch", f"a branch leaves the line, {what}", "bad", s, place))
         else:
-            place = _place(other.points[len(other.points) // 2] + origin)
+            place = as_place(other.points[len(other.points) // 2] + origin)
             findings.append(Finding("several-objects", f"another object is in the cloud, {what}", "bad", None, place))
     return findings
 
@@ -342,7 +340,7 @@ def _about_ends(line: _Line, r: float, origin: Array) -> list[Finding]:
     if line.length < 12.0 * r or gap > max(4.0 * r, 0.1 * line.length):
         return []
     cost = bending_cost(*parabola(line.points, 1.5 * r, r), *parabola(line.points[::-1], 1.5 * r, r), r)
-    place = _place(0.5 * (first + last) + origin)
+    place = as_place(0.5 * (first + last) + origin)
     if gap < 4.0 * r and cost < 0.8:
         return [Finding("closed-ring", "the object is a closed ring: it has no ends", "bad", 0.0, place)]
     # The ends of an object that is folded in two lie side by side and point the same way.
@@ -356,7 +354,7 @@ def _about_ends(line: _Line, r: float, origin: Array) -> list[Finding]:
 def _about_bridges(bridges: list[Bridge], line: _Line, r: float, origin: Array) -> list[Finding]:
     findings = []
     for number, (item, join) in enumerate(zip(bridges, line.joins, strict=True)):
-        s, place = 0.5 * (item.s[0] + item.s[1]), _place(np.array(item.position) + origin)
+        s, place = 0.5 * (item.s[0] + item.s[1]), as_place(np.array(item.position) + origin)
         share = item.gap / line.length
         if item.certainty < 0.5:
             message = "strands meet here, and which of them belong together is not certain"

@@ -15,7 +15,9 @@ from scipy.spatial import cKDTree
 
 from dlogen.errors import FitError
 from dlogen.geometry.basis import CubicBSpline
+from dlogen.geometry.curvature import curvature_of
 from dlogen.geometry.sampling import spatial_sample
+from dlogen.geometry.vectors import as_place, unit
 from dlogen.stages.refined.ends import find_ends, find_gaps
 from dlogen.stages.refined.tube import Tube, expected_distance
 from dlogen.stages.refined.tube_curve import TubeCurve, arc_at, arc_table, from_polyline, reparametrised
@@ -368,8 +370,7 @@ def _max_curvature(curve: TubeCurve) -> tuple[float, float]:
     places = (np.arange(_CURVATURES) + 0.5) / _CURVATURES
     best = int(np.argmax(curve.curvature(places)))
     fine = np.clip((best + np.linspace(-0.5, 1.5, 41)) / _CURVATURES, 0.0, curve.intervals)
-    first, second = curve(fine, 1), curve(fine, 2)
-    bend = np.linalg.norm(np.cross(first, second), axis=1) / np.linalg.norm(first, axis=1) ** 3
+    bend = curvature_of(curve(fine, 1), curve(fine, 2))
     peak = int(np.argmax(bend))
     return float(bend[peak]), float(fine[peak]) / curve.intervals
 
@@ -383,7 +384,7 @@ def _curvature_std(tube: Tube, x: float) -> float:
     t = x - k
     tangent, second = curve(np.array([x]), 1)[0], curve(np.array([x]), 2)[0]
     normal = second - tangent * (tangent @ second) / (tangent @ tangent)
-    normal /= max(float(np.linalg.norm(normal)), 1e-300)
+    normal = unit(normal)
     row = np.zeros((1, curve.coefficients.size))
     row[0, 3 * k : 3 * k + 12] = np.outer([1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t], normal).ravel() / curve.step**2
     return tube.sigma * float(np.sqrt(tube.solution.covariance(row)[0, 0]))
@@ -404,7 +405,6 @@ def _findings(
         spread = f"to {100.0 * radius_std / radius:.0f} % only" if np.isfinite(radius_std) else "at this noise"
         findings.append(Finding("radius-unknown", f"the points do not tell the radius {spread}: give r"))
     if kappa_std > _BEND_KNOWN * kappa and kappa * line.length > _STRAIGHT:
-        x, y, z = (float(value) for value in line(s_kappa)[0])
         message = f"the sharpest bend, radius {1e3 / kappa:.0f} mm, is known to {100.0 * kappa_std / kappa:.0f} % only"
-        findings.append(Finding("curvature-uncertain", message, "note", s_kappa, (x, y, z)))
+        findings.append(Finding("curvature-uncertain", message, "note", s_kappa, as_place(line(s_kappa)[0])))
     return tuple(findings)

@@ -10,6 +10,8 @@ import numpy.typing as npt
 from scipy.linalg.lapack import dpbtrf, dpbtrs
 from scipy.spatial import cKDTree
 
+from dlogen.geometry.polyline import arc_lengths, at_arc_lengths, segment_lengths
+from dlogen.geometry.vectors import column_dots, unit
 from dlogen.types import Array, IntArray
 
 #: Monomial coefficients of the four B-splines of an interval: row p holds the coefficients of t^p.
@@ -68,7 +70,7 @@ class TubeCurve:
         places = np.arange(2 * _CELLS) / (2 * _CELLS)
         first = self.everywhere(places, 1)
         last = self(np.array([self.intervals]), 1).T
-        speed = np.sqrt(np.append(dot(first, first), dot(last, last))) * self.step
+        speed = np.sqrt(np.append(column_dots(first, first), column_dots(last, last))) * self.step
         ends = speed[::2]
         cells = (ends[:-1] + 4.0 * speed[1::2] + ends[1:]) / (6.0 * _CELLS)
         grid = np.arange(len(ends)) / _CELLS
@@ -103,15 +105,7 @@ class TubeCurve:
         """|f' x f''| / |f'|^3 (paper Eq. 16) at places t of all intervals, 1/m: (P,) -> (n P,)."""
         first, second = self.everywhere(places, 1), self.everywhere(places, 2)
         bend = np.cross(first, second, axis=0)
-        return np.sqrt(dot(bend, bend)) / np.maximum(np.sqrt(dot(first, first)), 1e-9) ** 3
-
-
-def dot(a: Array, b: Array) -> Array:
-    """Scalar products of columns: (3, M), (3, M) -> (M,)."""
-    result = a[0] * b[0]
-    result += a[1] * b[1]
-    result += a[2] * b[2]
-    return result
+        return np.sqrt(column_dots(bend, bend)) / np.maximum(np.sqrt(column_dots(first, first)), 1e-9) ** 3
 
 
 def spline_values(t: Array) -> Array:
@@ -204,7 +198,7 @@ def reparametrised(
     samples = curve(_inverse(grid, length, speed, inside)).T
     if start < 0.0 or end > length[-1]:
         tangent = curve(np.array([0.0, curve.intervals]), 1)
-        tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+        tangent = unit(tangent)
         beyond = at - inside
         samples += np.where(beyond < 0.0, tangent[0][:, None], tangent[1][:, None]) * beyond
     return through(samples, intervals, (end - start) / intervals)
@@ -213,7 +207,7 @@ def reparametrised(
 def evened(curve: TubeCurve) -> TubeCurve:
     """The curve by arc length, if its speed has come to differ; else the curve itself."""
     first = curve.everywhere(np.array([0.5]), 1)
-    uneven = float(np.abs(dot(first, first) - 1.0).max())
+    uneven = float(np.abs(column_dots(first, first) - 1.0).max())
     return reparametrised(curve) if uneven > 2.0 * _UNEVEN else curve
 
 
@@ -226,13 +220,11 @@ def from_polyline(points: Array, spacing: float, extension: float, smoothing: fl
         extension: length added at either end, metres.
         smoothing: weight of the third differences.
     """
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    points = points[np.concatenate([[True], steps > 0.0])]
-    length = np.concatenate([[0.0], np.cumsum(steps[steps > 0.0])])
+    points = points[np.concatenate([[True], segment_lengths(points) > 0.0])]
+    length = arc_lengths(points)
     intervals = max(4, round(length[-1] / spacing))
     at = np.linspace(0.0, length[-1], intervals * _SAMPLES + 1)
-    samples = np.stack([np.interp(at, length, points[:, c]) for c in range(3)])
-    curve = through(samples, intervals, float(length[-1]) / intervals, smoothing)
+    curve = through(at_arc_lengths(points, length, at).T, intervals, float(length[-1]) / intervals, smoothing)
     total = float(arc_table(curve)[1][-1])
     return reparametrised(curve, max(4, round((total + 2.0 * extension) / spacing)), -extension, total + extension)
 
@@ -298,10 +290,10 @@ def foot_points(curve: TubeCurve, points: Array, x: Array, steps: int = 1) -> tu
         a1 += a2 * t
         a2 += a3t
         first, half = a1, a2
-        speed = dot(first, first)
+        speed = column_dots(first, first)
         # Inside a bend, far from the curve, the second derivative of the distance vanishes: keep the step finite.
-        slope = np.maximum(speed - 2.0 * dot(offset, half), 0.25 * speed)
-        move = np.clip(dot(offset, first) / np.maximum(slope, 1e-300), -1.0, 1.0)
+        slope = np.maximum(speed - 2.0 * column_dots(offset, half), 0.25 * speed)
+        move = np.clip(column_dots(offset, first) / np.maximum(slope, 1e-300), -1.0, 1.0)
         moved = np.clip(x + move, 0.0, last)
         if step == steps - 1:
             move = moved - x

@@ -6,7 +6,7 @@ import numpy as np
 
 from dlogen.geometry.parallel_transport import minimal_rotation_frames
 from dlogen.geometry.poses import pose
-from dlogen.geometry.segments import distances
+from dlogen.geometry.segments import places
 from dlogen.types import Array, Chain, Joints, Skeleton
 
 
@@ -78,4 +78,9 @@ def deviation(line: Skeleton, joints: Joints, samples: int = 33) -> tuple[float,
 
 def _to_segments(line: Skeleton, s: Array, start: Array, end: Array) -> Array:
     """Distances of f(s[i, :]) to segment i."""
-    return distances(line(s.ravel()).reshape(*s.shape, 3), start[:, None], end[:, None])
+    points, start = line(s.ravel()).reshape(*s.shape, 3), start[:, None]
+    axis = end[:, None] - start
+    # By way of the foot: `segments.distances` rounds differently, and max_deviation stands in the files to its last digit.
+    foot = start + places(points - start, axis)[..., None] * axis
+    distance: Array = np.linalg.norm(points - foot, axis=2)
+    return distance

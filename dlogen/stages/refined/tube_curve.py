@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scipy.linalg.lapack import dpbtrf, dpbtrs
 from scipy.spatial import cKDTree
 
+from dlogen.geometry.arc_length import cells
 from dlogen.geometry.polyline import arc_lengths, at_arc_lengths, segment_lengths
 from dlogen.geometry.vectors import column_dots, unit
 from dlogen.types import Array, IntArray
@@ -169,10 +170,11 @@ def arc_at(length: Array, x: Array) -> Array:
 
 
 def _inverse(grid: Array, length: Array, speed: Array, at: Array) -> Array:
-    """x at given arc lengths, by cubic Hermite interpolation of the table."""
-    k = np.clip(np.searchsorted(length, at, side="right") - 1, 0, len(grid) - 2)
-    h = np.maximum(length[k + 1] - length[k], 1e-300)
-    t = (at - length[k]) / h
+    """x at given arc lengths, by cubic Hermite interpolation of the table.
+
+    As `arc_length.interpolated`, which rounds in another order: with that one all lines differ in their last digits.
+    """
+    k, h, t = cells(length, at)
     slope = h / np.maximum(speed, 1e-9 * float(speed.max()))[np.stack([k, k + 1])]
     u = 1.0 - t
     x = grid[k] + t * t * (3.0 - 2.0 * t) / _CELLS + t * u * (u * slope[0] - t * slope[1])

@@ -205,7 +205,8 @@ def _tube_depth(line: CentreLine, radius: float, camera: Camera) -> tuple[Array,
         owner = np.repeat(np.arange(len(part)), len(offsets))
         place = place.reshape(-1, 2)
         inside = ((place >= 0) & (place < [camera.width, camera.height])).all(axis=1)
-        pixel, owner = place[inside] @ [1, camera.width], owner[inside]
+        pixel: IntArray = place[inside, 0] + camera.width * place[inside, 1]
+        owner = owner[inside]
         ray, centre = rays[pixel], part[owner]
         # |t d - c|^2 = r^2 with d_z = 1, so that t is the depth.
         a = dots(ray, ray)

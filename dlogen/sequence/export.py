@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from dlogen._version import __version__
-from dlogen.batch.runner import shown
+from dlogen.batch.paths import as_unicode
 from dlogen.batch.store import Row
 from dlogen.config.schema import Config
 from dlogen.geometry.basis import basis_from_dict
@@ -43,7 +43,7 @@ def observed_of(rows: Mapping[str, Row], key: str, folder: Path, *, keep_doubtfu
         folder: of the fits.
         keep_doubtful: go by the frame although its verdict is doubtful.
     """
-    name = shown(key)
+    name = as_unicode(key)
     row = rows.get(name)
     if row is None or row.status != "done":
         return Observed(name, None, problem=row.error if row and row.error else "it has not been fitted")

@@ -9,6 +9,7 @@ import numpy as np
 from dlogen.geometry.vectors import dots
 from dlogen.io.plots import BLUE, GREEN, ORANGE, RED, canvas, png
 from dlogen.sequence.trajectory import Motion
+from dlogen.types.texts import counted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,10 +44,10 @@ def motion_picture(motion: Motion) -> bytes:
     _draw_bends(figure.add_subplot(grid[1, 1]), motion)
     common = motion.common
     count, links = len(motion.states), len(common.links)
-    what = ("frame" if motion.times is not None else "cloud") + ("s" if count > 1 else "")
+    what = counted(count, "frame" if motion.times is not None else "cloud")
     figure.suptitle(
-        f"{count} {what}, {motion.states.count('good')} good: {common.sizes.length.value:.3f} m, radius "
-        f"{1e3 * common.sizes.radius.value:.2f} mm, {links} segment{'s' if links > 1 else ''} of "
+        f"{what}, {motion.states.count('good')} good: {common.sizes.length.value:.3f} m, radius "
+        f"{1e3 * common.sizes.radius.value:.2f} mm, {counted(links, 'segment')} of "
         f"{1e3 * common.links[0]:.1f} mm",
         fontsize=13,
     )

@@ -80,7 +80,7 @@ def _to_segments(line: Skeleton, s: Array, start: Array, end: Array) -> Array:
     """Distances of f(s[i, :]) to segment i."""
     points, start = line(s.ravel()).reshape(*s.shape, 3), start[:, None]
     axis = end[:, None] - start
-    # By way of the foot: `segments.distances` rounds differently, and max_deviation stands in the files to its last digit.
+    # By way of the foot: `segments.distances` rounds in another order, and files have max_deviation to its last digit.
     foot = start + places(points - start, axis)[..., None] * axis
     distance: Array = np.linalg.norm(points - foot, axis=2)
     return distance

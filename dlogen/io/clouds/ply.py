@@ -277,6 +277,8 @@ def _pose(camera: Array) -> Array | None:
     """(12,) position and axes -> (7,) position and unit quaternion w x y z, upright where the axes are no rotation."""
     import numpy as np
 
+    from dlogen.geometry.rotations import quaternion
+
     if not np.isfinite(camera[:3]).all():
         return None
     axes = camera[3:].reshape(3, 3)
@@ -284,19 +286,7 @@ def _pose(camera: Array) -> Array | None:
         is_rotation = np.allclose(axes @ axes.T, np.eye(3), atol=1e-3) and np.linalg.det(axes) > 0.0
     if not is_rotation:
         return np.concatenate([camera[:3], [1.0, 0.0, 0.0, 0.0]])
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = axes
-    # The quaternion is the eigenvector of the largest eigenvalue (Bar-Itzhack, "New method for extracting the
-    # quaternion from a rotation matrix", 2000): right for every angle.
-    matrix = np.array(
-        [
-            [xx + yy + zz, zy - yz, xz - zx, yx - xy],
-            [zy - yz, xx - yy - zz, xy + yx, xz + zx],
-            [xz - zx, xy + yx, yy - xx - zz, yz + zy],
-            [yx - xy, xz + zx, yz + zy, zz - xx - yy],
-        ]
-    )
-    quaternion = np.linalg.eigh(matrix)[1][:, -1]
-    return np.concatenate([camera[:3], quaternion if quaternion[0] >= 0 else -quaternion])
+    return np.concatenate([camera[:3], quaternion(axes)])
 
 
 FORMAT = CloudFormat(

@@ -7,6 +7,7 @@ import numpy as np
 from dlogen.errors import InputError
 from dlogen.geometry.polyline import segment_lengths
 from dlogen.types import Array
+from dlogen.types.texts import millimetres
 
 #: A step along an ordered polyline is about as long as the way to the nearest vertex, in a cloud it is far longer.
 _DISORDER = 20.0
@@ -25,8 +26,8 @@ def in_order(points: Array) -> Array:
     nearest = float(np.median(cKDTree(points).query(points, k=2)[0][:, 1]))
     if step > _DISORDER * nearest:
         raise InputError(
-            f"the points are in no order: from one to the next it is {1e3 * step:.3g} mm, to the nearest "
-            f"{1e3 * nearest:.3g} mm (medians)",
+            f"the points are in no order: from one to the next it is {millimetres(step)}, to the nearest "
+            f"{millimetres(nearest)} (medians)",
             "a curve needs its points in order; of a point cloud make a chain first: dlogen fit",
         )
     return points

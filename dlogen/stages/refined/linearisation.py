@@ -8,12 +8,10 @@ import numpy as np
 from scipy.linalg.lapack import dpbtrf, dpbtrs
 
 from dlogen.errors import FitError
+from dlogen.geometry.spline import THIRD_DIFFERENCE
 from dlogen.geometry.vectors import unit
 from dlogen.stages.refined.normal_equations import NormalEquations, band, vector
-from dlogen.stages.refined.tube_curve import (
-    THIRD_DIFFERENCE,
-    TubeCurve,
-)
+from dlogen.stages.refined.tube_curve import TubeCurve
 from dlogen.types import Array
 
 #: Bounds of log10(lambda / its natural scale), where data and penalty weigh the same in the matrix.

@@ -24,6 +24,7 @@ from dlogen.stages.refined.medial import axis_votes, contract, recentre
 from dlogen.stages.refined.piece import Piece, end_direction, parabola
 from dlogen.stages.scale import Scale, estimate_scale
 from dlogen.types import Array, BoolArray, Finding
+from dlogen.types.texts import millimetres
 
 #: Size of the subset that the order is found on: at most, and for each radius of length.
 _SAMPLE = 6000
@@ -137,7 +138,7 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
     if not found:
         raise FitError(
             "no stretch of a line was found in the cloud",
-            f"the radius was taken to be {_millimetres(r)}: give r if it is not, and check units",
+            f"the radius was taken to be {millimetres(r)}: give r if it is not, and check units",
             stage="ordering",
         )
     if radius is not None or scale.radius_reliable:
@@ -281,10 +282,6 @@ def _moved(item: Bridge, origin: Array) -> Bridge:
     return replace(item, position=as_place(np.array(item.position) + origin))
 
 
-def _millimetres(value: float) -> str:
-    return f"{1000 * value:.3g} mm"
-
-
 def _about_cloud(
     scale: Scale, estimated: bool, per_radius: float, near: BoolArray, line: _Line, r: float
 ) -> list[Finding]:
@@ -322,7 +319,7 @@ def _about_rest(others: list[_Line], line: _Line, r: float, origin: Array) -> li
             continue
         distance, index = cKDTree(line.points).query(other.points)
         nearest = int(np.argmin(distance))
-        what = f"{_millimetres(other.length)} long"
+        what = f"{millimetres(other.length)} long"
         if distance[nearest] < _BRANCH * r:
             place = as_place(line.points[index[nearest]] + origin)
             s = float(index[nearest] / (len(line.points) - 1))
@@ -346,7 +343,7 @@ def _about_ends(line: _Line, r: float, origin: Array) -> list[Finding]:
     # The ends of an object that is folded in two lie side by side and point the same way.
     folded = float(end_direction(line.points, r) @ end_direction(line.points[::-1], r)) > 0.5
     if (gap < 4.0 * r and not folded) or cost < 0.3:
-        message = f"the two ends face each other {_millimetres(gap)} apart: it may be a ring with a gap"
+        message = f"the two ends face each other {millimetres(gap)} apart: it may be a ring with a gap"
         return [Finding("closed-ring", message, "doubtful", 0.0, place)]
     return []
 
@@ -367,7 +364,7 @@ def _about_bridges(bridges: list[Bridge], line: _Line, r: float, origin: Array) 
 
 
 def _gap_finding(gap: float, share: float, s: float, place: tuple[float, float, float], cost: float = 0.0) -> Finding:
-    message = f"no points for {_millimetres(gap)} ({share:.1%} of the length); the gap was bridged"
+    message = f"no points for {millimetres(gap)} ({share:.1%} of the length); the gap was bridged"
     if share > _LARGE_GAP:
         return Finding("gap", f"{message}, but these may be two objects", "bad", s, place)
     return Finding("gap", message, "note" if share < _SMALL_GAP and cost < 0.6 else "doubtful", s, place)

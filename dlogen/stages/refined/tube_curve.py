@@ -12,16 +12,9 @@ from scipy.spatial import cKDTree
 
 from dlogen.geometry.arc_length import cells
 from dlogen.geometry.polyline import arc_lengths, at_arc_lengths, segment_lengths
+from dlogen.geometry.spline import MONOMIALS, THIRD_DIFFERENCE, spline_values
 from dlogen.geometry.vectors import column_dots, unit
 from dlogen.types import Array, IntArray
-
-#: Monomial coefficients of the four B-splines of an interval: row p holds the coefficients of t^p.
-_MONOMIALS = (
-    np.array([[1.0, 4.0, 1.0, 0.0], [-3.0, 0.0, 3.0, 0.0], [3.0, -6.0, 3.0, 0.0], [-1.0, 3.0, -3.0, 1.0]]) / 6.0
-)
-
-#: Third differences of the coefficients are the third derivative with respect to x.
-THIRD_DIFFERENCE = np.array([-1.0, 3.0, -3.0, 1.0])
 
 #: Where a curve is sampled within every interval when another one is put through it.
 _SAMPLES = 6
@@ -63,7 +56,7 @@ class TubeCurve:
         """(4, 3, n) coefficients of 1, t, t^2, t^3 in each interval, t in [0, 1]."""
         c, n = self.coefficients.T, self.intervals
         windows = np.stack([c[:, q : q + n] for q in range(4)])
-        return np.tensordot(_MONOMIALS, windows, axes=1)
+        return np.tensordot(MONOMIALS, windows, axes=1)
 
     @cached_property
     def arc_table(self) -> tuple[Array, Array, Array]:
@@ -107,15 +100,6 @@ class TubeCurve:
         first, second = self.everywhere(places, 1), self.everywhere(places, 2)
         bend = np.cross(first, second, axis=0)
         return np.sqrt(column_dots(bend, bend)) / np.maximum(np.sqrt(column_dots(first, first)), 1e-9) ** 3
-
-
-def spline_values(t: Array) -> Array:
-    """The four B-splines that are not zero at t in [0, 1] of an interval: (K,) -> (4, K)."""
-    u = 1.0 - t
-    t2, u2 = t * t, u * u
-    values = np.stack([u2 * u, (3.0 * t - 6.0) * t2 + 4.0, (3.0 * u - 6.0) * u2 + 4.0, t2 * t])
-    values /= 6.0
-    return values
 
 
 @lru_cache(maxsize=32)

@@ -22,7 +22,7 @@ _PUBLIC = {
     "read_cloud": "dlogen.io.cloud_files",
     "write_cloud": "dlogen.io.cloud_files",
     "load_curve": "dlogen.io.curves.curve",
-    "compare": "dlogen.io.curves.curve",
+    "compare": "dlogen.evaluation.comparison",
     "DlogenError": "dlogen.errors",
 }
 

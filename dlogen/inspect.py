@@ -6,18 +6,21 @@ from typing import Any
 
 import numpy as np
 
+from dlogen.config.fields import AUTO
+from dlogen.config.schema import Config
 from dlogen.errors import DlogenError
-from dlogen.geometry.units import METRES, guess_units
-from dlogen.pipeline import search_radius
+from dlogen.geometry.units import guess_units
 from dlogen.stages.paper.normals import choose_neighbours
 from dlogen.stages.paper.skeleton import PAPER_SIZE
-from dlogen.stages.prepare import check_points, far_away
+from dlogen.stages.paper.sorting import choose_search_radius
+from dlogen.stages.prepare import check_points, prepare, without_far_points
 from dlogen.stages.scale import estimate_scale
+from dlogen.stages.segmentation.specification import allowed_deviation
 from dlogen.types import Cloud
 
 
-def inspect(cloud: Cloud, units: str = "auto") -> dict[str, Any]:
-    """Size, spacing and the parameters that `auto` would choose.
+def inspect(cloud: Cloud, units: str = AUTO) -> dict[str, Any]:
+    """Size, spacing and the parameters that `auto` would choose, of the cloud as a fit prepares it.
 
     Args:
         cloud: what `read_cloud` gives.
@@ -28,12 +31,9 @@ def inspect(cloud: Cloud, units: str = "auto") -> dict[str, Any]:
         `problem` says why the cloud cannot be fitted, None if nothing speaks against it.
     """
     source = cloud.source
-    far = far_away(cloud.points)
-    near = cloud.points[~far]
-    guessed = guess_units(near)
-    scale = METRES[guessed if units == "auto" else units]
-    low, high = near.min(axis=0), near.max(axis=0)
-    points = (near - 0.5 * (low + high)) * scale
+    near, far = without_far_points(cloud)
+    guessed = guess_units(near.points)
+    prepared = prepare(near, guessed if units == AUTO else units)
     out: dict[str, Any] = {
         "schema": "dlogen.info/1",
         "name": source.name if source else None,
@@ -43,27 +43,27 @@ def inspect(cloud: Cloud, units: str = "auto") -> dict[str, Any]:
         "declared_points": source.declared_points if source else len(cloud),
         "organised": [source.width, source.height] if source and source.height > 1 else None,
         "points": len(cloud),
-        "far_away": int(np.count_nonzero(far)),
+        "far_away": far,
         "dropped": {"non_finite": cloud.dropped.non_finite, "duplicates": cloud.dropped.duplicates},
         "normals": cloud.normals is not None,
-        "viewpoint": None if cloud.viewpoint is None else (cloud.viewpoint * scale).tolist(),
-        "units": {"guess": guessed, "used": guessed if units == "auto" else units, "given": units != "auto"},
-        "minimum": (low * scale).tolist(),
-        "maximum": (high * scale).tolist(),
-        "extent": ((high - low) * scale).tolist(),
+        "viewpoint": None if cloud.viewpoint is None else (cloud.viewpoint * prepared.scale).tolist(),
+        "units": {"guess": guessed, "used": prepared.units, "given": units != AUTO},
+        "minimum": prepared.low.tolist(),
+        "maximum": prepared.high.tolist(),
+        "extent": prepared.extent.tolist(),
         "problem": None,
     }
+    points = prepared.cloud.points
     try:
-        check_points(near)
+        check_points(near.points)
         found = estimate_scale(points)
     except DlogenError as error:
         return {**out, "problem": error.message}
-    finite = {key: value if np.isfinite(value) else None for key, value in vars(found).items()}
-    out["scale"] = finite
+    out["scale"] = {key: value if np.isfinite(value) else None for key, value in vars(found).items()}
     out["chosen"] = {
         "r": found.radius,
-        "r_n": search_radius(points, found.radius),
-        "e_max": found.radius / 2.0,
+        "r_n": choose_search_radius(points, found.radius),
+        "e_max": allowed_deviation(Config(), found.radius),
         "N": PAPER_SIZE,
         "normals.neighbours": choose_neighbours(points, found.radius),
     }

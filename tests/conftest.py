@@ -124,7 +124,7 @@ def _make_result(
         "mdtw": mdtw(even, resample(chain.joints, 1000)),
         "residual": tube_residual(foot_points(points, line)[1], radius),
         "quality": Quality(),
-        "settings": Config().to_dict() | {"r": radius, "e_max": e_max},
+        "config": Config().resolved({"r": radius, "e_max": e_max}),
         "provenance": {
             "dlogen": "0",
             "input": "x.ply",

@@ -8,13 +8,21 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, TypeVar
 
 from dlogen.errors import ConfigError
 
 Auto = Literal["auto"]
 #: The value that leaves a setting to dlogen.
 AUTO: Final = "auto"
+
+_Value = TypeVar("_Value")
+
+
+def given(value: _Value | Auto) -> _Value | None:
+    """A setting as the user gave it; None where it is left to dlogen."""
+    return None if isinstance(value, str) and value == AUTO else value
+
 
 _DECIMAL = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
 

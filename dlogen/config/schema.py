@@ -9,7 +9,8 @@ Lengths (`r`, `r_n`, `e_max`, `normals.radius`) are metres, always: `units` says
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from copy import copy
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal, cast
@@ -598,6 +599,31 @@ class Config(_Section):
                 values |= read_value(config_keys(), key, value, "", problems)
         refuse(problems)
         return self._of(values)
+
+    def value(self, key: str) -> Any:
+        """The value of a dotted key."""
+        section, _, name = key.rpartition(".")
+        return getattr(getattr(self, section) if section else self, name)
+
+    def resolved(self, chosen: Mapping[str, Any]) -> Config:
+        """The configuration with what a fit chose for `auto`.
+
+        The rules between keys are for what users say; they do not hold for what was chosen.
+
+        Args:
+            chosen: values by dotted key, of keys that there are.
+        """
+        of_section: dict[str, dict[str, Any]] = {}
+        out = copy(self)
+        for key, value in chosen.items():
+            section, _, name = key.rpartition(".")
+            if section:
+                of_section.setdefault(section, {})[name] = value
+            else:
+                object.__setattr__(out, name, value)
+        for section, values in of_section.items():
+            object.__setattr__(out, section, replace(getattr(self, section), **values))
+        return out
 
     def _values(self) -> Values:
         """All values by dotted key."""

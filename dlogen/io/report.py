@@ -144,7 +144,7 @@ def report_dict(result: Result, reference: dict[str, Any] | None = None) -> dict
     }
     if reference is not None:
         report["reference"] = reference
-    if result.settings["report"]["timings"]:
+    if result.config.report.timings:
         report["timings"] = result.timings
     return report
 
@@ -155,7 +155,7 @@ def segmentation_dict(result: Result) -> dict[str, Any]:
     `dof` counts the inner joints' degrees of freedom. `fewer.resolution` says that all segment lengths were searched,
     but for intervals narrower than this share of them; it is null where the search was a local one (minimax).
     """
-    dof = result.settings["joints"]["dof"]
+    dof = result.config.joints.dof
     chosen = result.segmentation
     out = _criterion_dict(chosen, dof)
     if chosen.fewer is not None:

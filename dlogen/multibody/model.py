@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,6 +27,10 @@ from dlogen.types import Array, Chain, Pose
 
 if TYPE_CHECKING:
     from dlogen.types import Result
+
+
+#: Name of the frame that the base is placed in, unless the configuration names one (`frame.name`).
+ROOT = "base_link"
 
 
 @dataclass(frozen=True)
@@ -193,14 +197,14 @@ def multibody(result: Result, name: str | None = None) -> MultibodyModel:
     Raises:
         ConfigError: the settings do not fit the chain.
     """
-    settings: dict[str, Any] = result.settings
+    config = result.config
     return build_model(
         result.chain,
-        JointSettings(**settings.get("joints", {})),
-        Material(**settings.get("material", {})),
+        config.joints,
+        config.material,
         name=name or result.name,
         recorded=result.recorded,
-        root="base_link" if settings.get("frame", {}).get("name", AUTO) == AUTO else result.frame.name,
+        root=ROOT if config.frame.name == AUTO else result.frame.name,
     )
 
 
@@ -210,7 +214,7 @@ def build_model(
     material: Material,
     *,
     name: str = "cable",
-    root: str = "base_link",
+    root: str = ROOT,
     recorded: tuple[Pose, ...] = (),
 ) -> MultibodyModel:
     """Bodies and joints of a chain (paper Eq. 1-2).

@@ -94,9 +94,7 @@ def result_of(motion: Motion, path: Path, config: Config, name: str) -> Result:
     deviation = float(common.deviation[common.reference])
     error = mdtw(resample(points, config.mdtw.samples), resample(chain.joints, config.mdtw.samples))
     worst = float(error.s[int(np.argmax(error.error))])
-    settings = config.to_dict()
-    settings |= {"r": chain.radius, "e_max": common.e_max}
-    settings["segmentation"]["criterion"] = common.criterion
+    resolved = config.resolved({"r": chain.radius, "e_max": common.e_max, "segmentation.criterion": common.criterion})
     return Result(
         name=name,
         profile=data["profile"],
@@ -110,7 +108,7 @@ def result_of(motion: Motion, path: Path, config: Config, name: str) -> Result:
         mdtw=error,
         residual=Residual(**report["residual"]),
         quality=Quality(),
-        settings=settings,
+        config=resolved,
         provenance=data["provenance"],
         timings={},
         intermediates=(),

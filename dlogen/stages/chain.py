@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from dlogen.geometry.arc_length import even_parameters
+from dlogen.geometry.mdtw import mdtw
 from dlogen.geometry.parallel_transport import minimal_rotation_frames
+from dlogen.geometry.polyline import resample
 from dlogen.geometry.poses import pose
 from dlogen.geometry.segments import places
-from dlogen.types import Array, Chain, Joints, Skeleton
+from dlogen.types import Array, Chain, Joints, Mdtw, Skeleton
 
 
 def build_chain(joints: Joints, radius: float) -> Chain:
@@ -84,3 +87,14 @@ def _to_segments(line: Skeleton, s: Array, start: Array, end: Array) -> Array:
     foot = start + places(points - start, axis)[..., None] * axis
     distance: Array = np.linalg.norm(points - foot, axis=2)
     return distance
+
+
+def chain_error(line: Skeleton, chain: Chain, samples: int) -> Mdtw:
+    """MDTW between skeleton line and chain (paper IV.A, Eq. 21-22), both sampled evenly in arc length (Fig. 9).
+
+    Args:
+        line: the skeleton line.
+        chain: made from it.
+        samples: points on each.
+    """
+    return mdtw(line(even_parameters(line, samples)), resample(chain.joints, samples))

@@ -6,7 +6,7 @@ The fit itself never sees it, so the same cloud has the same chain in every fram
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -14,10 +14,12 @@ from dlogen.config.fields import AUTO
 from dlogen.errors import ConfigError
 from dlogen.geometry.parallel_transport import minimal_rotation_frames
 from dlogen.geometry.rotations import from_quaternion, hinges
-from dlogen.types import Array, Cloud, Finding, Frame, Intermediate, Quality, Result, Segmentation
+from dlogen.types import Array, Cloud, Finding, FitData, Frame, Intermediate, Quality, Segmentation
 
 if TYPE_CHECKING:
     from dlogen.config.schema import FrameSettings
+
+_Fit = TypeVar("_Fit", bound=FitData)
 
 #: From an optical frame (z forward, x right, y down) to one of ROS (x forward, y left, z up), REP 103:
 #: x_ros = z_optical, y_ros = -x_optical, z_ros = -y_optical.
@@ -63,7 +65,7 @@ def viewpoint_pose(cloud: Cloud, scale: float = 1.0) -> Array:
     return _pose(from_quaternion(cloud.orientation), cloud.viewpoint * scale)
 
 
-def in_frame(result: Result, frame: Frame, centre: Array) -> Result:
+def in_frame(result: _Fit, frame: Frame, centre: Array) -> _Fit:
     """The result in that frame.
 
     Rotations are applied before anything is added, so that no digits are lost far from the origin. The frames of the

@@ -3,9 +3,10 @@
 from dlogen.types.arrays import Array, BoolArray, IntArray
 from dlogen.types.chain import Chain, FewerSegments, Frame, Joints, Pose, Segmentation
 from dlogen.types.cloud import Cloud, Dropped, RawCloud, Source
-from dlogen.types.line import Basis, Skeleton, SortedPoints
+from dlogen.types.intermediate import Intermediate
+from dlogen.types.line import Basis, FittedLine, Skeleton, SortedPoints
 from dlogen.types.quality import Finding, Mdtw, Quality, Residual
-from dlogen.types.result import Intermediate, Result
+from dlogen.types.result import FitData, Result
 
 __all__ = [
     "Array",
@@ -16,6 +17,8 @@ __all__ = [
     "Dropped",
     "FewerSegments",
     "Finding",
+    "FitData",
+    "FittedLine",
     "Frame",
     "IntArray",
     "Intermediate",

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from dlogen.types.arrays import Array, IntArray
+from dlogen.types.arrays import Array, BoolArray, IntArray
+from dlogen.types.intermediate import Intermediate
+from dlogen.types.quality import Finding
 
 
 class Basis(Protocol):
@@ -74,3 +76,26 @@ class Skeleton:
         """f(s) or its derivative with respect to s: (K,) -> (K, 3)."""
         value = self.basis.combine(np.atleast_1d(np.asarray(s, dtype=float)), self.weights, derivative)
         return value + self.offset if derivative == 0 else value
+
+
+@dataclass(frozen=True, eq=False)
+class FittedLine:
+    """A skeleton line with what a profile knows of it.
+
+    Attributes:
+        skeleton: the line.
+        radius: of the object, metres.
+        distance: (M,) distance of the cloud's points to the line, metres.
+        on_tube: (M,) which of them count as points of the tube.
+        intermediates: what the profile's stages made of the points, in their order.
+        findings: what they found.
+        chosen: what they chose by themselves, by the dotted key of the configuration.
+    """
+
+    skeleton: Skeleton
+    radius: float
+    distance: Array
+    on_tube: BoolArray
+    intermediates: tuple[Intermediate, ...]
+    findings: tuple[Finding, ...]
+    chosen: dict[str, Any] = field(default_factory=dict)

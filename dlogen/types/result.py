@@ -5,32 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from dlogen.config.schema import Config
 from dlogen.types.arrays import Array
 from dlogen.types.chain import Chain, Frame, Joints, Pose, Segmentation
+from dlogen.types.intermediate import Intermediate
 from dlogen.types.line import Skeleton
 from dlogen.types.quality import Mdtw, Quality, Residual
 
 
 @dataclass(frozen=True, eq=False)
-class Intermediate:
-    """What a stage made of the points, for dumps and pictures.
-
-    Attributes:
-        name: of the stage.
-        points: (K, 3) metres.
-        columns: further numbers for each point, (K,) each.
-        colour: name of the column in [0, 1] that a picture should show as colour, if any.
-    """
-
-    name: str
-    points: Array
-    columns: dict[str, Array] = field(default_factory=dict)
-    colour: str | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Result:
-    """Everything that a fit made.
+class FitData:
+    """Everything that a fit made. `dlogen.Result` is the same, and can write itself.
 
     Attributes:
         name: stem of the output files.
@@ -45,7 +30,7 @@ class Result:
         mdtw: skeleton line against chain.
         residual: points against the tube.
         quality: verdict and findings.
-        settings: the resolved configuration; "auto" is left only for what this profile does not use.
+        config: the resolved configuration; "auto" is left only for what this profile does not use.
         provenance: version, input, its hash and size.
         timings: seconds per stage.
         intermediates: what the stages made of the points, in their order.
@@ -65,9 +50,17 @@ class Result:
     mdtw: Mdtw
     residual: Residual
     quality: Quality
-    settings: dict[str, Any]
+    config: Config
     provenance: dict[str, Any]
     timings: dict[str, float]
     intermediates: tuple[Intermediate, ...]
     frame: Frame = field(default_factory=Frame)
     recorded: tuple[Pose, ...] = ()
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The resolved configuration as nested plain data, as the JSON files have it."""
+        return self.config.to_dict()
+
+
+Result = FitData

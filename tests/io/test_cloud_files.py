@@ -17,8 +17,8 @@ from hypothesis.extra.numpy import arrays
 
 import dlogen
 from dlogen.errors import InputError, UsageError
-from dlogen.io import cloud_files as clouds
 from dlogen.io.cloud_files import cloud_bytes, read_cloud, read_raw, write_cloud
+from dlogen.stages import clean as cleaning
 from dlogen.stages.clean import clean
 from dlogen.types import Cloud, RawCloud
 
@@ -167,7 +167,7 @@ class TestCleaning:
         assert np.array_equal(clean(points).points, points[np.sort(first)])
 
     def test_colliding_hashes_are_not_duplicates(self, monkeypatch):
-        monkeypatch.setattr(clouds, "_row_hashes", lambda points: np.zeros(len(points), dtype=np.uint64))
+        monkeypatch.setattr(cleaning, "_row_hashes", lambda points: np.zeros(len(points), dtype=np.uint64))
         points = np.random.default_rng(0).integers(0, 3, (200, 3)).astype(float)
         _, first = np.unique(points, axis=0, return_index=True)
         assert np.array_equal(clean(points).points, points[np.sort(first)])
@@ -176,7 +176,7 @@ class TestCleaning:
     def test_hashes_of_grids_do_not_collide(self, step):
         grid = step * np.stack(np.meshgrid(*[np.arange(-16.0, 16.0)] * 3), axis=-1).reshape(-1, 3)
         for points in (grid, grid.astype(np.float32).astype(float), grid + 5e6):
-            assert len(np.unique(clouds._row_hashes(points))) == len(np.unique(points, axis=0))
+            assert len(np.unique(cleaning._row_hashes(points))) == len(np.unique(points, axis=0))
 
     def test_neighbours_in_floating_point_are_two_points(self):
         assert len(clean([[1.0, 1.0, 1.0], [np.nextafter(1.0, 2.0), 1.0, 1.0]])) == 2
@@ -184,9 +184,9 @@ class TestCleaning:
     def test_duplicates_are_found_quickly(self):
         points = np.random.default_rng(0).normal(size=(100_000, 3))
         points = np.concatenate([points, points])
-        assert len(clouds._first_occurrences(points)) == 100_000
+        assert len(cleaning._first_occurrences(points)) == 100_000
         sorting_rows = _seconds(lambda: np.unique(points, axis=0))
-        assert _seconds(lambda: clouds._first_occurrences(points)) < sorting_rows / 2  # a tenth on a free machine
+        assert _seconds(lambda: cleaning._first_occurrences(points)) < sorting_rows / 2  # a tenth on a free machine
 
     def test_few_unusable_normals_become_zero(self):
         points = np.random.default_rng(0).normal(size=(1000, 3))

@@ -69,8 +69,8 @@ def test_mdtw_of_two_curves_by_hand() -> None:
 
 
 def test_timings_can_be_left_out(make_result, fitted) -> None:
-    settings = Config.from_dict({"report": {"timings": False}}).to_dict()
-    result = make_result(fitted(hose_centre_line()), settings=settings)
+    config = Config.from_dict({"report": {"timings": False}})
+    result = make_result(fitted(hose_centre_line()), config=config)
     assert "timings" not in report_dict(result)
 
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from configured import configured
 from scipy.integrate import solve_bvp
 from scipy.linalg import eigh
 from scipy.optimize import root
@@ -66,10 +67,9 @@ def make(make_result, straight) -> Make:
         lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
         placed = Joints(np.linspace(0, 1, count + 1), points, float(lengths[0]), float(lengths[-1]))
         radius = RADIUS.get(preset or "", 0.01)
-        settings = {**template.settings, "r": radius, "joints": joints}
-        if preset:
-            settings["material"] = {"preset": preset}
-        result = replace(template, joints=placed, chain=build_chain(placed, radius), settings=settings)
+        placed_result = replace(template, joints=placed, chain=build_chain(placed, radius))
+        material = {"material": {"preset": preset}} if preset else {}
+        result = configured(placed_result, r=radius, joints=joints, **material)
         (content,) = model_format("mjcf").write(result, "cable").values()
         return multibody(result), mujoco.MjModel.from_xml_string(content.decode())
 

@@ -41,8 +41,8 @@ def result_for(make_result, straight):
     template = make_result(straight([0, 0, 0], [1, 0, 0]))
 
     def make(motion: Motion, **joints) -> Result:
-        config = Config(joints=JointSettings(base="floating", **joints)).to_dict()
-        return replace(template, chain=motion.chain, settings=config, recorded=motion.poses(), name="hose")
+        config = Config(joints=JointSettings(base="floating", **joints))
+        return replace(template, chain=motion.chain, config=config, recorded=motion.poses(), name="hose")
 
     return make
 

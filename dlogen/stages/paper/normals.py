@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from dlogen.config.fields import AUTO
+from dlogen.config.schema import Normals
+from dlogen.errors import ConfigError
 from dlogen.geometry.vectors import dots
-from dlogen.types import Array
+from dlogen.types import Array, Cloud
 
 #: Points of a neighbourhood are gathered in blocks of about this many rows, so that memory stays flat.
 _BLOCK = 1_000_000
@@ -17,6 +20,37 @@ _PATCH_RADII = 0.7
 #: Share of normals for which shape and viewpoint must name the same side for the viewpoint to be believed. Half a tube
 #: seen from 45 degrees off the given viewpoint has 0.75, and the sum of the two is right there still; a full tube 0.5.
 _AGREEMENT = 0.75
+
+
+def outward_normals(cloud: Cloud, radius: float, wanted: Normals) -> tuple[Array, int | None]:
+    """Unit normals of a cloud, outward, as the configuration wants them.
+
+    Args:
+        cloud: M points, metres, with normals and a viewpoint if it has any.
+        radius: of the object, metres.
+        wanted: section `normals` of the configuration.
+
+    Returns:
+        (M, 3) normals, and the number of neighbours that they were estimated from, if a number decided.
+
+    Raises:
+        ConfigError: the cloud has no normals, or no viewpoint, where the configuration says to go by them.
+    """
+    if wanted.orientation == "stored":
+        if cloud.normals is None:
+            raise ConfigError("normals.orientation is stored, but the cloud stores no normals", "use auto")
+        return cloud.normals, None
+    if wanted.orientation == "viewpoint" and cloud.viewpoint is None:
+        raise ConfigError("normals.orientation is viewpoint, but the cloud names none", "use auto or outward")
+    tree, neighbours = cKDTree(cloud.points), None
+    if wanted.radius != AUTO:
+        normals = estimate_normals(cloud.points, radius=wanted.radius, tree=tree)
+    else:
+        automatic = wanted.neighbours == AUTO
+        neighbours = choose_neighbours(cloud.points, radius) if automatic else int(wanted.neighbours)
+        normals = estimate_normals(cloud.points, neighbours=neighbours, tree=tree)
+    outward = orient_normals(cloud.points, normals, radius, viewpoint=cloud.viewpoint, method=wanted.orientation)
+    return outward, neighbours
 
 
 def choose_neighbours(points: Array, radius: float) -> int:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from dlogen.config.schema import Config
+from dlogen.errors import FitError
 from dlogen.geometry.curvature import curvature
 from dlogen.geometry.sampling import spatial_sample
 from dlogen.stages.quality.place import finding_at
@@ -207,3 +210,30 @@ def check_deviation(line: Skeleton, segmentation: Segmentation, e_max: float) ->
         f"{1e3 * e_max:.2f} mm"
     )
     return [finding_at(line, "deviation-above-e_max", message, "doubtful", segmentation.deviation_s)]
+
+
+def check_settings_used(config: Config, unused: Sequence[str]) -> list[Finding]:
+    """Whether a user set what the profile did not use.
+
+    Args:
+        config: as the user gave it.
+        unused: dotted keys that the profile does not use.
+    """
+    set_by_user = [key for key in unused if config.value(key) != Config().value(key)]
+    if not set_by_user:
+        return []
+    message = f"settings of profile paper only, which this fit did not use: {', '.join(set_by_user)}"
+    return [Finding("settings-not-used", message, "note")]
+
+
+def explained(error: FitError, findings: Iterable[Finding]) -> FitError:
+    """What was wrong before, if anything was: a line through what is no line fails later, in ways that say little."""
+    bad = next((finding for finding in findings if finding.severity == "bad"), None)
+    if bad is None:
+        return error
+    return FitError(
+        f"no chain can be made of this cloud: {bad.message}",
+        "leave only the object in it: no table, background or fixtures (dlogen extract cuts an object out of a scene); "
+        "check r and units",
+        stage="ordering",
+    )

@@ -13,7 +13,7 @@ that the line runs on both sides of the chain (`dlogen.stages.segmentation.minim
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from dlogen.stages.segmentation.fewest_segments import equal_lengths, fewest_seg
 from dlogen.stages.segmentation.joints import TOLERANCE, place_joints
 from dlogen.stages.segmentation.minimax import minimax_joints
 from dlogen.stages.segmentation.segment_length import max_segment_length
+from dlogen.stages.segmentation.specification import SegmentationSpec
 from dlogen.types import FewerSegments, Joints, Segmentation, Skeleton
 
 #: The deviation that the searches aim at, as a share of e_max; the rest is for their rounding.
@@ -36,56 +37,33 @@ _AIM = 1.0 - 1e-7
 _MOST_SEARCHED = 2_000
 
 
-@dataclass(frozen=True)
-class Wish:
-    """How a line is to be cut.
-
-    Attributes:
-        criterion: "paper" or "fewest"; not looked at where a number of segments, a length or a radius is given.
-        placement: "on-curve" or "minimax", for "fewest".
-        segments: exactly so many, all equal.
-        segment_length: so long but for the last, metres.
-        bend_radius: smallest radius of curvature for Eq. 17, metres, instead of the line's own.
-        min_last: what "fewest" tries to keep of the last segment, as a share of the others.
-        alternatives: work out all three criteria.
-    """
-
-    criterion: str = "fewest"
-    placement: str = "on-curve"
-    segments: int | None = None
-    segment_length: float | None = None
-    bend_radius: float | None = None
-    min_last: float = 0.5
-    alternatives: bool = False
-
-
-def segment(line: Skeleton, e_max: float, wish: Wish) -> Segmentation:
+def segment(line: Skeleton, e_max: float, spec: SegmentationSpec) -> Segmentation:
     """Joints of a chain for the line.
 
     Args:
         line: the skeleton line.
         e_max: largest deviation allowed, metres, > 0.
-        wish: how.
+        spec: how.
 
     Returns:
         The joints with their deviation and, in `alternatives`, what the other criteria give: those that were worked
         out on the way, or all three.
 
     Raises:
-        FitError: there would be more than 100,000 segments, or no length does what was wished.
+        FitError: there would be more than 100,000 segments, or no length does what was asked for.
     """
     chosen = None
-    if wish.segments is not None:
-        chosen = _measured(line, "segments", "on-curve", _equal_segments(line, wish.segments))
-    elif wish.segment_length is not None:
-        chosen = _measured(line, "segment_length", "on-curve", place_joints(line, wish.segment_length))
-    elif wish.bend_radius is not None:
-        joints = place_joints(line, _eq_17(e_max, wish.bend_radius))
+    if spec.segments is not None:
+        chosen = _measured(line, "segments", "on-curve", _equal_segments(line, spec.segments))
+    elif spec.segment_length is not None:
+        chosen = _measured(line, "segment_length", "on-curve", place_joints(line, spec.segment_length))
+    elif spec.bend_radius is not None:
+        joints = place_joints(line, _eq_17(e_max, spec.bend_radius))
         chosen = _measured(line, "bend_radius", "on-curve", joints)
-    elif wish.criterion == "paper":
+    elif spec.criterion == "paper":
         joints = place_joints(line, _eq_17(e_max, _smallest_radius(line)))
         chosen = _measured(line, "paper", "on-curve", joints)
-    if chosen is not None and not wish.alternatives:
+    if chosen is not None and not spec.alternatives:
         return chosen
 
     allowed = _eq_17(e_max, _smallest_radius(line))
@@ -96,9 +74,9 @@ def segment(line: Skeleton, e_max: float, wish: Wish) -> Segmentation:
             "raise e_max, or set segmentation.criterion to paper",
             stage="segmentation",
         )
-    found = _search(line, e_max, allowed, wish.min_last, minimax=wish.alternatives or wish.placement == "minimax")
+    found = _search(line, e_max, allowed, spec.min_last, minimax=spec.alternatives or spec.placement == "minimax")
     if chosen is None:
-        chosen = next(item for item in found if (item.criterion, item.placement) == ("fewest", wish.placement))
+        chosen = next(item for item in found if (item.criterion, item.placement) == ("fewest", spec.placement))
     others = (item for item in found if (item.criterion, item.placement) != (chosen.criterion, chosen.placement))
     return replace(chosen, alternatives=tuple(others))
 

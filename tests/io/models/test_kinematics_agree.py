@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from configured import configured
 from scipy.spatial.transform import Rotation
 
 from dlogen.geometry.rotations import hinges
@@ -54,7 +55,7 @@ def case(make_result, straight) -> Callable[[tuple[int, int, str, str]], Result]
         joints = Joints(np.linspace(0, 1, count + 1), points, 0.05, 0.02)
         chosen = {"joints": {"dof": dof, "zero": zero, "base": base}, "material": {"preset": "rope"}}
         chain = build_chain(joints, 0.01)
-        return replace(template, joints=joints, chain=chain, settings={**template.settings, **chosen})
+        return configured(replace(template, joints=joints, chain=chain), **chosen)
 
     return make
 

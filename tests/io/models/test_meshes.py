@@ -122,6 +122,7 @@ def test_the_same_bytes_in_every_process() -> None:
     # Sets of names inside trimesh are ordered by hashes, which differ from process to process.
     code = (
         "import sys, hashlib, dlogen; from dlogen.evaluation.synthetic import *;"
+        "from dlogen.evaluation.shapes import centre_line;"
         "from dlogen.io.registry import model_format;"
         "import numpy as np;"
         "c = sample_tube(centre_line('straight'), 0.02, 2000, np.random.default_rng(0));"

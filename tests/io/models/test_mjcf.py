@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from configured import configured
 
 from dlogen.config.presets import PRESETS
 from dlogen.errors import FitError
@@ -36,7 +37,7 @@ def arc(make_result, straight) -> Make:
         joints = Joints(np.linspace(0, 1, count + 1), points, length / count, length / count)
         chosen = {"joints": {}, "material": {}} | settings
         chain = build_chain(joints, radius)
-        return replace(template, joints=joints, chain=chain, settings={**template.settings, **chosen})
+        return configured(replace(template, joints=joints, chain=chain), **chosen)
 
     return make
 

@@ -6,13 +6,13 @@ import py_compile
 import re
 import sys
 import types
-from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 import yaml
+from configured import configured
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -34,8 +34,7 @@ SETTINGS = {
 def make_package(fitted, make_result):
     def made(joints: dict, stem: str = "My hose-1.v2"):
         result = make_result(fitted(hose_centre_line()), 0.02, 0.01)
-        settings = result.settings | {"joints": result.settings["joints"] | joints}
-        result = replace(result, settings=settings)
+        result = configured(result, joints=joints)
         return result, write(result, stem)
 
     return made

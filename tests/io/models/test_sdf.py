@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from configured import configured
 from scipy.spatial.transform import Rotation
 
 from dlogen.io.models.sdf import write
@@ -21,7 +21,7 @@ def result(make_result, helix) -> Result:
 
 
 def with_settings(result: Result, material: dict[str, object] | None = None, **joints: object) -> Result:
-    return replace(result, settings={**result.settings, "joints": joints, "material": material or {}})
+    return configured(result, joints=joints, material=material or {})
 
 
 def parsed(result: Result, stem: str = "cable") -> ElementTree.Element:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 from xml.etree import ElementTree
 
 import pytest
+from configured import configured
 
 from dlogen.io.models.srdf import write
 from dlogen.io.models.urdf import write as write_urdf
@@ -27,7 +27,7 @@ def parsed(result: Result, stem: str = "cable") -> ElementTree.Element:
 
 
 def with_joints(result: Result, **settings: object) -> Result:
-    return replace(result, settings={**result.settings, "joints": settings})
+    return configured(result, joints=settings)
 
 
 @pytest.mark.parametrize("settings", [{}, {"dof": 3, "base": "floating", "zero": "straight"}])

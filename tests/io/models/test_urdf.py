@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from configured import configured
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -281,9 +282,7 @@ def test_numbers_keep_all_their_digits(exact_line, make_result) -> None:
 
 
 def with_settings(result: Result, **changes: dict[str, object]) -> Result:
-    from dataclasses import replace
-
-    return replace(result, settings={**result.settings, **changes})
+    return configured(result, **changes)
 
 
 @pytest.mark.parametrize("zero", ["scan", "straight"])

@@ -10,7 +10,7 @@ from dlogen.evaluation.shapes import centre_line, random_centre_line
 from dlogen.evaluation.synthetic import SyntheticCloud, sample_tube
 from dlogen.stages.paper.normals import choose_neighbours, estimate_normals, orient_normals
 from dlogen.stages.paper.projection import project
-from dlogen.stages.paper.sorting import default_start, local_direction, sort_points
+from dlogen.stages.paper.sorting import choose_start, local_direction, sort_points
 
 LINES = [centre_line("bent"), centre_line("straight"), centre_line("helical"), random_centre_line(3, clearance=0.08)]
 
@@ -172,9 +172,9 @@ def test_all_in_one_place_has_no_length() -> None:
 
 def test_default_start_is_in_the_middle_and_does_not_depend_on_the_order() -> None:
     points = np.random.default_rng(0).normal(size=(501, 3)) + np.array([5, 6, 7])
-    start = default_start(points)
+    start = choose_start(points)
     assert np.linalg.norm(points[start] - [5, 6, 7]) < 0.5
-    assert default_start(points[::-1]) == 500 - start
+    assert choose_start(points[::-1]) == 500 - start
 
 
 def test_units_do_not_matter(tube) -> None:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from dlogen.stages.refined.ends import find_ends, find_gaps
 from dlogen.stages.refined.linearisation import Linearisation
-from dlogen.stages.refined.normal_equations import normals
+from dlogen.stages.refined.normal_equations import normal_equations
 from dlogen.stages.refined.tube import expected_distance, tukey
 from dlogen.stages.refined.tube_curve import (
     TubeCurve,
@@ -98,7 +98,7 @@ def system(curve, points, rho, weight=None):
     x, k, t, offset = foot_points(curve, points, nearest(curve, points, 0.02), 6)
     distance = np.linalg.norm(offset, axis=0)
     weight = np.ones(len(x)) if weight is None else weight
-    return normals(k, t, offset / distance, distance - rho, weight, curve.intervals), distance
+    return normal_equations(k, t, offset / distance, distance - rho, weight, curve.intervals), distance
 
 
 def test_normal_equations_are_the_derivatives_of_the_distances(curve):

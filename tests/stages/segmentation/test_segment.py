@@ -19,11 +19,12 @@ from dlogen.stages.chain import deviation
 from dlogen.stages.segmentation.curve_table import CurveTable, deviations, trace
 from dlogen.stages.segmentation.fewest_segments import fewest_segments, lay_chains
 from dlogen.stages.segmentation.joints import place_joints
-from dlogen.stages.segmentation.segment import Wish, segment
+from dlogen.stages.segmentation.segment import segment
 from dlogen.stages.segmentation.segment_length import max_segment_length
+from dlogen.stages.segmentation.specification import SegmentationSpec
 from dlogen.types import Joints, Segmentation, Skeleton
 
-ALL = Wish(alternatives=True)
+ALL = SegmentationSpec(alternatives=True)
 CRITERIA = [("paper", "on-curve"), ("fewest", "on-curve"), ("fewest", "minimax")]
 
 
@@ -238,8 +239,8 @@ def test_e_max_beyond_the_radius_of_curvature(fitted, circle, times: float) -> N
         assert made["fewest", "minimax"].count <= made["fewest", "on-curve"].count <= made["paper", "on-curve"].count
 
 
-@pytest.mark.parametrize("wish", [ALL, Wish(placement="minimax"), Wish(criterion="paper")])
-def test_a_straight_line_is_one_segment(straight, wish: Wish) -> None:
+@pytest.mark.parametrize("wish", [ALL, SegmentationSpec(placement="minimax"), SegmentationSpec(criterion="paper")])
+def test_a_straight_line_is_one_segment(straight, wish: SegmentationSpec) -> None:
     line = straight([0.1, 0.2, 0.3], [1.0, -0.5, 0.4])
     made = segment(line, 0.001, wish)
     assert made.count == 1
@@ -269,7 +270,7 @@ def test_ends_that_nearly_meet(circle, open_by: float) -> None:
 @pytest.mark.parametrize("e_max", [0.01, 0.25, 0.5])
 def test_ends_that_meet(circle, e_max: float) -> None:
     line = circle(0.2, 2 * math.pi)
-    made = segment(line, e_max, Wish())
+    made = segment(line, e_max, SegmentationSpec())
     check(line, made, e_max)
     assert made.count >= 2
 
@@ -295,7 +296,7 @@ def test_the_papers_hose(exact_line) -> None:
 
 def test_min_last_zero_is_the_longest_length(fitted) -> None:
     line = fitted(random_centre_line(3))
-    longest, even = (segment(line, 0.01, Wish(min_last=share)) for share in (0.0, 1.0))
+    longest, even = (segment(line, 0.01, SegmentationSpec(min_last=share)) for share in (0.0, 1.0))
     assert longest.count == even.count
     assert longest.joints.segment_length >= even.joints.segment_length
     assert longest.deviation == pytest.approx(0.01, rel=1e-4)
@@ -310,7 +311,7 @@ def test_min_last_zero_is_the_longest_length(fitted) -> None:
 @pytest.mark.parametrize("count", [1, 2, 3, 16, 100])
 def test_so_many_equal_segments(fitted, count: int) -> None:
     line = fitted(random_centre_line(4))
-    made = segment(line, 0.01, Wish(segments=count))
+    made = segment(line, 0.01, SegmentationSpec(segments=count))
     check(line, made)
     assert made.count == count
     assert made.joints.last_segment_length == pytest.approx(made.joints.segment_length, abs=1e-9)
@@ -318,28 +319,28 @@ def test_so_many_equal_segments(fitted, count: int) -> None:
 
 
 def test_equal_segments_of_a_circle(circle) -> None:
-    made = segment(circle(0.3, 4.0), 0.01, Wish(segments=8))
+    made = segment(circle(0.3, 4.0), 0.01, SegmentationSpec(segments=8))
     assert made.joints.s == pytest.approx(np.linspace(0, 1, 9), abs=1e-9)
     assert made.joints.segment_length == pytest.approx(0.6 * math.sin(0.25), abs=1e-12)
 
 
 def test_segments_of_a_length(fitted) -> None:
     line = fitted(random_centre_line(4))
-    made = segment(line, 0.01, Wish(segment_length=0.1))
+    made = segment(line, 0.01, SegmentationSpec(segment_length=0.1))
     check(line, made)
     assert made.joints.segment_length == 0.1
 
 
 def test_a_known_bending_radius(fitted) -> None:
     line = fitted(random_centre_line(4))
-    made = segment(line, 0.01, Wish(bend_radius=0.05))
+    made = segment(line, 0.01, SegmentationSpec(bend_radius=0.05))
     check(line, made, 0.01)
     assert made.joints.segment_length == pytest.approx(max_segment_length(0.01, 0.05))
 
 
 def test_a_closed_line_is_not_one_segment(circle) -> None:
     with pytest.raises(FitError):
-        segment(circle(0.3, 2 * math.pi), 0.01, Wish(segments=1))
+        segment(circle(0.3, 2 * math.pi), 0.01, SegmentationSpec(segments=1))
 
 
 @pytest.mark.parametrize(

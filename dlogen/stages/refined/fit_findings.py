@@ -1,0 +1,58 @@
+"""What ordering and fit found, each thing once: both notice gaps, and the fit knows best where they begin and end."""
+
+from __future__ import annotations
+
+from dlogen.stages.refined.ordering import Ordering
+from dlogen.stages.refined.refine import Refined
+from dlogen.types import Finding
+
+#: A gap below this share of the length is bridged without doubt.
+_SMALL_GAP = 0.05
+
+#: Noise over radius that is worth a note, and beyond which the line is doubtful.
+_NOTED, _NOISY = 0.01, 0.5
+
+
+def fit_findings(ordering: Ordering, fitted: Refined) -> tuple[Finding, ...]:
+    """Findings of both, without those that only repeat one another.
+
+    Args:
+        ordering: of the cloud.
+        fitted: the fit that started from it.
+    """
+    findings = [finding for finding in ordering.findings if finding.code != "gap"]
+    return (*findings, *_gaps(ordering, fitted), *fitted.findings)
+
+
+def _gaps(ordering: Ordering, fitted: Refined) -> list[Finding]:
+    line, radius = fitted.skeleton, fitted.radius
+    findings = []
+    bridged = [finding for finding in ordering.findings if finding.code == "gap"]
+    # Short ones must have been noticed by the ordering as well.
+    for start, end in fitted.gaps:
+        middle, length = 0.5 * (start + end), (end - start) * line.length
+        seen = [item for item in bridged if item.s is not None and start - 0.03 < item.s < end + 0.03]
+        bridged = [item for item in bridged if item not in seen]
+        crossed = any(join.s[0] < end and start < join.s[1] for join in ordering.joins)
+        if seen or crossed or length > 4.0 * radius:
+            doubt = any(item.severity != "note" for item in seen) or end - start > _SMALL_GAP
+            x, y, z = (float(value) for value in line(middle)[0])
+            findings.append(
+                Finding(
+                    "gap",
+                    f"no points over {1e3 * length:.3g} mm ({100 * (end - start):.1f} % of the length): bridged",
+                    "doubtful" if doubt else "note",
+                    middle,
+                    (x, y, z),
+                )
+            )
+    share = fitted.noise / radius
+    if share > _NOTED:
+        findings.append(
+            Finding(
+                "noise",
+                f"the points scatter by {1e3 * fitted.noise:.2g} mm, {100 * share:.0f} % of the radius",
+                "doubtful" if share > _NOISY else "note",
+            )
+        )
+    return [*findings, *bridged]

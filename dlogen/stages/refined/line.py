@@ -1,0 +1,104 @@
+"""The skeleton line of the profile refined: a robust fit of the tube, from an order that survives real captures."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dlogen.config.fields import given
+from dlogen.config.schema import Config
+from dlogen.errors import FitError
+from dlogen.geometry.arc_length import even_parameters
+from dlogen.stages.clock import Clock
+from dlogen.stages.prepare import check_given_radius
+from dlogen.stages.quality.checks import (
+    check_bends,
+    check_followed,
+    check_radius,
+    check_radius_along,
+    check_settings_used,
+    explained,
+)
+from dlogen.stages.quality.contacts import check_contacts
+from dlogen.stages.quality.cross_section import check_cross_section
+from dlogen.stages.quality.cut_ends import cut_ends
+from dlogen.stages.refined.fit_findings import fit_findings
+from dlogen.stages.refined.ordering import order
+from dlogen.stages.refined.refine import refine
+from dlogen.stages.scale import estimate_scale
+from dlogen.types import Cloud, FittedLine, Intermediate
+
+#: What this profile chooses from the data by itself.
+_PAPER_ONLY = (
+    "r_n",
+    "N",
+    "beta",
+    "normals.neighbours",
+    "normals.radius",
+    "normals.orientation",
+    "projection.enabled",
+    "sorting.start",
+    "skeleton.tau",
+)
+
+
+def refined_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:
+    """Scale, ordering without a start point, and a fit of the tube's surface from end to end.
+
+    Args:
+        cloud: near the origin, metres.
+        config: only `r` is used.
+        clock: takes the time of each stage.
+
+    Raises:
+        ConfigError: the given radius is larger than the cloud.
+        FitError: no line can be made from it.
+    """
+    points, known = cloud.points, given(config.r)
+    with clock.stage("scale"):
+        check_given_radius(points, known)
+        scale = estimate_scale(points, radius=known)
+
+    with clock.stage("ordering"):
+        ordering = order(points, known, scale)
+
+    with clock.stage("refine"):
+        try:
+            fitted = refine(points, ordering.backbone, ordering.radius, fixed_radius=known is not None)
+        except FitError as reason:
+            raise explained(reason, ordering.findings) from reason
+
+    skeleton, radius, s, residual, on_tube = (
+        fitted.skeleton,
+        fitted.radius,
+        fitted.s,
+        fitted.residuals,
+        fitted.inliers,
+    )
+    along = np.flatnonzero(on_tube)[np.argsort(s[on_tube], kind="stable")]
+    oval = any(item.code == "side-by-side" for item in ordering.findings)
+    # The two ends of a ring overlap.
+    ring = any(item.code == "closed-ring" and item.severity == "bad" for item in ordering.findings)
+    even = skeleton(even_parameters(skeleton, round(skeleton.length / radius) + 1))
+    return FittedLine(
+        skeleton,
+        radius,
+        residual + radius,
+        on_tube,
+        (
+            Intermediate("ordering", ordering.backbone),
+            Intermediate("tube", points[along], {"s": s[along], "residual": residual[along]}, colour="s"),
+            Intermediate("off_tube", points[~on_tube], {"residual": residual[~on_tube]}),
+        ),
+        (
+            *check_settings_used(config, _PAPER_ONLY),
+            *fit_findings(ordering, fitted),
+            *([] if ring else check_contacts(even, ordering.backbone, radius)),
+            *cut_ends(points, s, on_tube, skeleton, radius),
+            *check_followed(points, ordering.backbone, residual + radius, radius),
+            *check_radius_along(skeleton, radius, s, residual + radius),
+            *([] if oval else check_cross_section(points, s, residual, skeleton, radius)),
+            *check_bends(skeleton, radius, s[on_tube]),
+            *([] if known is None else check_radius(known, estimate_scale(points))),
+        ),
+        {"r": radius, "N": skeleton.basis.size},
+    )

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from dlogen.config.defaults import PAPER_SIZE
 from dlogen.config.fields import AUTO
 from dlogen.config.schema import Config
 from dlogen.errors import DlogenError
 from dlogen.geometry.units import guess_units
 from dlogen.stages.paper.normals import choose_neighbours
-from dlogen.stages.paper.skeleton import PAPER_SIZE
 from dlogen.stages.paper.sorting import choose_search_radius
 from dlogen.stages.prepare import check_points, prepare, without_far_points
 from dlogen.stages.scale import estimate_scale

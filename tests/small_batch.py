@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dlogen.batch.job import Plan
-from dlogen.config.schema import load_config
+from dlogen.config.reader import load_config
 from dlogen.evaluation.shapes import random_centre_line
 from dlogen.evaluation.synthetic import sample_tube
 from dlogen.io.cloud_files import write_cloud

@@ -28,11 +28,13 @@ import numpy as np
 import pytest
 from by_command import run, run_apart
 from by_hand import arc_lengths, at, columns, evenly, feet, read_csv, read_dump, same_rows, vectors
-from dlogen.synthetic import CentreLine, from_points, loop_centre_line, random_centre_line, sample_tube
 from odd_clouds import with_defects, write_pcd
 from scipy.spatial.transform import Rotation
 
 import dlogen
+from dlogen.evaluation.centre_line import CentreLine, from_points
+from dlogen.evaluation.shapes import loop_centre_line, random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
 
 Array = np.ndarray
 

@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 from by_command import run
 from by_hand import arc_lengths, at, evenly, feet, read_dump, same_rows, vectors
-from dlogen.synthetic import random_centre_line, sample_tube
 from odd_clouds import Rows, with_defects, write_pcd, write_ply
 
 import dlogen
+from dlogen.evaluation.shapes import random_centre_line
+from dlogen.evaluation.synthetic import sample_tube
 
 Array = np.ndarray
 

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dlogen._version import __version__
-from dlogen.config.schema import Config, load_config
+from dlogen.config.reader import load_config
+from dlogen.config.schema import Config
 from dlogen.errors import ConfigError, DlogenError, FitError, InputError, OutputError
 from dlogen.io.outputs import Outputs
 
@@ -74,7 +75,7 @@ class Failure:
     """Why there is no model of a cloud.
 
     Attributes:
-        code: kind of failure: input, config, fit, output, memory, internal, timeout, worker-died.
+        code: kind of failure, one of those in `dlogen.batch.failures`.
         message, hint, stage: as of `DlogenError`.
         stops_all: the other clouds would meet it as well.
     """
@@ -131,9 +132,7 @@ def work(plan: Plan, task: Task) -> Outcome:
         return Outcome(
             task.key,
             verdict=result.quality.verdict,
-            findings=tuple(
-                dict.fromkeys(item.code for item in result.quality.findings if item.severity != "note"),
-            ),
+            findings=tuple(dict.fromkeys(item.code for item in result.quality.warnings)),
             figures=figures_of(result),
             sha256=sha256,
             seconds=time.perf_counter() - start,
@@ -149,7 +148,7 @@ def failure_of(error: DlogenError) -> Failure:
     kinds = ((InputError, "input"), (ConfigError, "config"), (FitError, "fit"), (OutputError, "output"))
     code = next((code for kind, code in kinds if isinstance(error, kind)), "output")
     message = error.message
-    if code == "config" and error.path is not None:
+    if isinstance(error, ConfigError) and error.path is not None:
         message = f"{error.path}: {message}"
     stops_all = isinstance(error, OutputError) and error.for_all
     return Failure(code, message, error.hint, error.stage, stops_all)

@@ -90,7 +90,7 @@ class _Columns:
     """What the columns of a CSV hold, by its header."""
 
     def __init__(self, line: int, header: list[str], name: str) -> None:
-        from dlogen.config.fields import show
+        from dlogen.config.problems import show
         from dlogen.config.schema import config_keys
 
         self._name = name
@@ -142,7 +142,7 @@ class _Columns:
         return opened(os.path.join(folder, text))
 
     def _seconds(self, line: int, cells: list[str]) -> float | None:
-        from dlogen.config.fields import show
+        from dlogen.config.problems import show
 
         text = "" if self._time is None else cells[self._time]
         if not text.strip():
@@ -156,7 +156,7 @@ class _Columns:
         return seconds
 
     def _overrides(self, line: int, cells: list[str]) -> tuple[str, ...]:
-        from dlogen.config.fields import Problem
+        from dlogen.config.problems import Problem
         from dlogen.config.reader import read_override
 
         given = tuple(f"{key}={text}" for key, place in self._settings.items() if (text := cells[place].strip()))

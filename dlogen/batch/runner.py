@@ -12,6 +12,7 @@ from pathlib import Path
 
 from dlogen._version import __version__
 from dlogen.batch.executors.local import Pool
+from dlogen.batch.failures import MEMORY, OUTPUT, TIMEOUT, WORKER_DIED
 from dlogen.batch.item import Item
 from dlogen.batch.job import Failure, Outcome, Plan, Task, failure_of, paths_of, remove_temporaries, write_files
 from dlogen.batch.paths import as_unicode
@@ -22,7 +23,7 @@ from dlogen.io.cloud_files import sha256_of
 from dlogen.io.outputs import Outputs
 
 #: Failures that need not come again: they may be due to the machine and what else ran there.
-_OF_THE_MACHINE = ("timeout", "memory", "worker-died")
+_OF_THE_MACHINE = (TIMEOUT.code, MEMORY.code, WORKER_DIED.code)
 
 
 @dataclass(frozen=True)
@@ -238,7 +239,7 @@ class Batch:
         """Whether nothing has changed since that record was made. One with a new time only goes into `touched`."""
         if self.settings.force or row.status == "running":
             return False
-        if row.status == "failed" and (self.settings.retry or row.code in _OF_THE_MACHINE or row.code == "output"):
+        if row.status == "failed" and (self.settings.retry or row.code in _OF_THE_MACHINE or row.code == OUTPUT.code):
             return False
         _, now = self._task(item)
         if (now.digest, now.size) != (row.digest, row.size):

@@ -1,30 +1,35 @@
-"""What a configuration key may hold, which keys there are, and how to say that something is wrong with one."""
+"""What a configuration key may hold, and how a key is declared.
+
+A key is a field of a dataclass, made by one of the functions below: `r: float | Auto = length(AUTO, "Radius of the
+object.", auto="estimated from the cloud")`. They state the type of the value to type checkers, as
+`dataclasses.field` does, and return a field that has its `Setting` as metadata.
+"""
 
 from __future__ import annotations
 
 import math
 import numbers
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeVar
-
-from dlogen.errors import ConfigError
 
 Auto = Literal["auto"]
 #: The value that leaves a setting to dlogen.
 AUTO: Final = "auto"
 
+_Default = TypeVar("_Default")
+_Number = TypeVar("_Number", bound="float | Auto")
+_Integer = TypeVar("_Integer", bound="int | Auto")
+_Word = TypeVar("_Word", bound=str)
+
 _Value = TypeVar("_Value")
+
+_DECIMAL = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
 
 
 def given(value: _Value | Auto) -> _Value | None:
     """A setting as the user gave it; None where it is left to dlogen."""
     return None if isinstance(value, str) and value == AUTO else value
-
-
-_DECIMAL = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
 
 
 @dataclass(frozen=True)
@@ -152,115 +157,66 @@ class Setting:
         return ""
 
 
-class Keys:
-    """The keys of a configuration.
-
-    Args:
-        settings: every setting by its dotted key ("normals.neighbours"), in the order of declaration.
-        sections: what each section is about, by its name.
-    """
-
-    def __init__(self, settings: Mapping[str, Setting], sections: Mapping[str, str]) -> None:
-        self.settings = dict(settings)
-        self.sections = dict(sections)
-        self._spellings = {spelling: key for key, item in settings.items() for spelling in (key, *item.also)}
-
-    def find(self, name: object) -> str | None:
-        """The dotted key that is spelt so, if there is one."""
-        return self._spellings.get(name) if isinstance(name, str) else None
-
-    def of_section(self, section: str) -> dict[str, Setting]:
-        """The settings of a section by their names in it; "" is the top level."""
-        parts = ((key.rpartition("."), item) for key, item in self.settings.items())
-        return {name: item for (before, _, name), item in parts if before == section}
-
-    def nearest(self, name: str) -> list[str]:
-        """Keys that somebody who wrote this may have meant: the same letters, another name for it, or a slip."""
-        whole: dict[str, list[str]] = {_letters(section): [section] for section in self.sections}
-        last: dict[str, list[str]] = {}
-        for key, setting in self.settings.items():
-            section, _, leaf = key.rpartition(".")
-            for word in (leaf, *setting.also, *setting.sought):
-                whole.setdefault(_letters(section + word), []).append(key)
-                last.setdefault(_letters(word), []).append(key)
-        leaf = name.rpartition(".")[2]
-        for table, word in ((whole, _letters(name)), (last, _letters(leaf))):
-            if word in table:
-                # Another section may have what was looked for, too.
-                return list(dict.fromkeys([*table[word], *last.get(word, ())]))
-        import difflib
-
-        similar = [
-            (difflib.SequenceMatcher(None, word, known).ratio(), keys)
-            for table, word in ((whole, _letters(name)), (last, _letters(leaf)))
-            for known, keys in table.items()
-            if len(word) > 2  # those of one or two letters are all alike
-        ]
-        ratio, keys = max(similar, key=lambda pair: pair[0], default=(0.0, []))
-        return keys if ratio >= 0.7 else []
-
-    def unknown(self, where: str, name: object, section: str = "") -> Problem:
-        """A key that does not exist, with the nearest that do."""
-        shown = f"{section}.{name}" if section else str(name)
-        if near := self.nearest(shown):
-            hint = "did you mean " + " or ".join(repr(key) for key in near) + "?"
-        else:
-            known = [*self.of_section(section), *(() if section else self.sections)]
-            hint = f"known {f'in {section}' if section else 'keys'}: {', '.join(known)}"
-        return Problem(where, f"unknown key {show(shown)}", hint)
+def number(
+    default: _Number,
+    help: str,
+    *,
+    unit: str = "",
+    auto: str | None = None,
+    above: float | None = None,
+    least: float | None = None,
+    most: float | None = None,
+    also: tuple[str, ...] = (),
+    sought: tuple[str, ...] = (),
+) -> _Number | float:
+    """A number. The arguments are the attributes of `Setting`."""
+    return _declared(default, Setting("number", help, unit, auto, above, least, most, also=also, sought=sought))
 
 
-def _letters(name: str) -> str:
-    return re.sub(r"[\W_]", "", name.casefold())
+def length(default: _Number, help: str, *, auto: str, sought: tuple[str, ...] = ()) -> _Number | float:
+    """A length in metres, greater than 0. The arguments are the attributes of `Setting`."""
+    return number(default, help, unit="m", auto=auto, above=0, sought=sought)
 
 
-@dataclass(frozen=True)
-class Problem:
-    """Something wrong with a configuration.
-
-    Attributes:
-        where: the place in the input ("line 3"), or nothing.
-        message: what is wrong.
-        hint: what to try.
-    """
-
-    where: str
-    message: str
-    hint: str
-
-    def __str__(self) -> str:
-        return f"{self.where}: {self.message}" if self.where else self.message
+def integer(
+    default: _Integer,
+    help: str,
+    *,
+    auto: str | None = None,
+    least: int | None = None,
+    most: int | None = None,
+    sought: tuple[str, ...] = (),
+) -> _Integer | int:
+    """A whole number. The arguments are the attributes of `Setting`."""
+    return _declared(default, Setting("integer", help, auto=auto, least=least, most=most, sought=sought))
 
 
-def wrong_value(where: str, key: str, value: object, setting: Setting, hint: str) -> Problem:
-    """A value that a setting does not allow."""
-    if value is None and not hint:
-        hint = "leave the key out for the default" + (", or write auto" if setting.auto is not None else "")
-    return Problem(where, f"{key} = {show(value)}: expected {setting.expected}", hint or setting.help)
+def flag(default: bool, help: str, *, sought: tuple[str, ...] = ()) -> bool:
+    """True or false. The arguments are the attributes of `Setting`."""
+    return _declared(default, Setting("flag", help, sought=sought))
 
 
-def refuse(problems: Sequence[Problem], path: str | Path | None = None) -> None:
-    """Raise one `ConfigError` that names all problems; nothing happens when there are none."""
-    if len(problems) == 1:
-        raise ConfigError(str(problems[0]), problems[0].hint, path=path)
-    if problems:
-        listed = "".join(f"\n  {problem} ({problem.hint})" for problem in problems)
-        hint = "dlogen config show lists all keys and what they may hold"
-        raise ConfigError(f"{len(problems)} problems:{listed}", hint, path=path)
+def choice(
+    default: _Word, help: str, *, choices: tuple[_Word, ...], auto: str | None = None, sought: tuple[str, ...] = ()
+) -> _Word:
+    """One of some words. The arguments are the attributes of `Setting`."""
+    return _declared(default, Setting("choice", help, auto=auto, choices=choices, sought=sought))
 
 
-def show(value: object) -> str:
-    """A value as the user wrote it, about: shortened, and without characters that would garble the message."""
-    if value is None:
-        return "nothing"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, Mapping):
-        return "a section"
-    if isinstance(value, (list, tuple)):
-        return "a list"
-    if isinstance(value, int) and abs(value) > 10**30:
-        return "a very large number"
-    # repr escapes what is not printable.
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+def text(
+    default: str,
+    help: str,
+    *,
+    least: int,
+    most: int,
+    auto: str | None = None,
+    pattern: str = "",
+    sought: tuple[str, ...] = (),
+) -> str:
+    """Printable characters. The arguments are the attributes of `Setting`."""
+    return _declared(default, Setting("text", help, "", auto, None, least, most, pattern, sought=sought))
+
+
+def _declared(default: _Default, setting: Setting) -> _Default:
+    """A field of a dataclass. To type checkers it is its default, as it is of `dataclasses.field`."""
+    return field(default=default, metadata={"setting": setting})

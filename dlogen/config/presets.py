@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-if TYPE_CHECKING:
-    pass
+#: What `material.preset` is where the material is not a known one.
+NO_PRESET: Final = "none"
 
 
 @dataclass(frozen=True)

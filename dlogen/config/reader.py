@@ -1,76 +1,55 @@
-"""Reading a configuration: from mappings, YAML files and KEY=VALUE texts to checked values by dotted key."""
+"""Reading a configuration: YAML files and KEY=VALUE texts."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from dlogen.config.fields import Keys, Problem, refuse, show, wrong_value
+from dlogen.config.keys import Keys
+from dlogen.config.problems import Problem, refuse, show
+from dlogen.config.rules import contradictions
+from dlogen.config.schema import Config, config_keys
+from dlogen.config.values import Values, flat, nested, read_mapping, read_value
 from dlogen.errors import ConfigError
 
 #: A larger file is something else, given by mistake.
 MAX_BYTES = 100_000
 
-#: Values by dotted key.
-Values = dict[str, Any]
 
-
-def read_value(keys: Keys, key: str, value: object, where: str, problems: list[Problem]) -> Values:
-    """One checked value under its key. If it is not allowed, nothing, and a problem is added."""
-    setting = keys.settings[key]
-    try:
-        return {key: setting.read(value)}
-    except ValueError as error:
-        problems.append(wrong_value(where, key, value, setting, str(error)))
-        return {}
-
-
-def read_mapping(
-    keys: Keys, data: object, where: Callable[[tuple[object, ...]], str] = lambda path: ""
-) -> tuple[Values, list[Problem]]:
-    """Nested data as a YAML file has it.
+def load_config(
+    path: str | Path | None = None,
+    overrides: Sequence[str] = (),
+    *,
+    base: Config | None = None,
+    text: str | None = None,
+) -> Config:
+    """Read a YAML file and apply overrides to it.
 
     Args:
-        keys: the keys that there are.
-        data: a mapping, with mappings for sections.
-        where: says where a path of keys stands in the input.
+        path: the file; "-" for standard input; None for the defaults.
+        overrides: "KEY=VALUE" with dotted keys, such as "normals.neighbours=20". Later ones win over earlier ones, and
+            all of them over the file.
+        base: what the file and the overrides change; the defaults if left out.
+        text: what the file holds, where that is known already; it is not opened then.
+
+    Raises:
+        ConfigError: the file cannot be read or is not YAML; a key is unknown, given twice or holds what it may not;
+            two keys contradict each other. All that is wrong is named, with lines.
     """
-    if not isinstance(data, Mapping):
-        return {}, [Problem("", f"expected keys and values, got {show(data)}", "write `key: value`, one a line")]
-    values: Values = {}
+    values: Values = {} if base is None else flat(base.to_dict())
+    places: dict[str, str] = {}
+    if path is not None:
+        read, places = read_file(config_keys(), path, text)
+        values |= read
     problems: list[Problem] = []
-    paths: dict[str, tuple[object, ...]] = {}
-
-    def take(path: tuple[object, ...], section: str, value: object) -> None:
-        name = path[-1]
-        key = keys.find(f"{section}.{name}" if section else name)
-        if key is None:
-            problems.append(keys.unknown(where(path), name, section))
-        elif "." in key and not section:
-            inner, _, leaf = key.partition(".")
-            problems.append(
-                Problem(where(path), f"unknown key {show(name)}", f"write it in its section: {inner}: {{{leaf}: ...}}")
-            )
-        elif key in paths:
-            first = paths[key]
-            place = f" in {where(first)}" if where(first) else ""
-            problems.append(Problem(where(path), f"{name} and {first[-1]}{place} are the same key", "keep one of them"))
-        else:
-            paths[key] = path
-            values.update(read_value(keys, key, value, where(path), problems))
-
-    for name, value in data.items():
-        if not isinstance(name, str) or name not in keys.sections:
-            take((name,), "", value)
-        elif isinstance(value, Mapping):
-            for inner, item in value.items():
-                take((name, inner), name, item)
-        elif value is not None:  # None: a section whose keys are all commented out
-            hint = f"its keys: {', '.join(keys.of_section(name))}"
-            problems.append(Problem(where((name,)), f"{name} = {show(value)}: expected a section", hint))
-    return values, problems
+    for override in overrides:
+        value, place = read_override(config_keys(), override, problems)
+        values |= value
+        places |= place
+    refuse(problems)
+    refuse(contradictions(values, places))
+    return Config.from_dict(nested(values))
 
 
 def read_file(keys: Keys, path: str | Path, text: str | None = None) -> tuple[Values, dict[str, str]]:

@@ -20,6 +20,7 @@ from dlogen.evaluation.centre_line import CentreLine
 from dlogen.evaluation.shapes import hose_centre_line
 from dlogen.geometry.vectors import dots
 from dlogen.types import Array, BoolArray, IntArray, RawCloud
+from dlogen.types.texts import millimetres
 
 #: Spheres along the axis this many radii apart: their union is within 1e-3 radii of a straight tube.
 _SPHERE_SPACING = 0.08
@@ -127,7 +128,7 @@ def _refuse_bad_view(line: CentreLine, radius: float, camera: Camera, distance: 
     pixel = distance / camera.focal
     if 2.0 * radius < pixel:
         raise UsageError(
-            f"the object is thinner than a pixel, which is {1e3 * pixel:.3g} mm wide on the table",
+            f"the object is thinner than a pixel, which is {millimetres(pixel)} wide on the table",
             "give a larger diameter, or a smaller distance",
         )
     axis = line.points(2000)

@@ -14,6 +14,7 @@ from dlogen.geometry.curvature import curvature_of
 from dlogen.geometry.polyline import segment_lengths
 from dlogen.geometry.vectors import dots, unit
 from dlogen.types import Array
+from dlogen.types.short_repr import ShortRepr
 
 Curve = Callable[[Array, int], Array]
 
@@ -28,8 +29,8 @@ _PANELS = 1024
 _CHUNK = 1 << 16
 
 
-@dataclass(frozen=True, eq=False)
-class CentreLine:
+@dataclass(frozen=True, eq=False, repr=False)
+class CentreLine(ShortRepr):
     """A curve in space, seen through its material coordinate s in [0, 1]: the arc length divided by the length.
 
     Attributes:

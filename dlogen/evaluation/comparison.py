@@ -6,12 +6,15 @@ from typing import Any
 
 import numpy.typing as npt
 
+from dlogen.config.defaults import MDTW_SAMPLES
 from dlogen.geometry.mdtw import mdtw
 from dlogen.geometry.polyline import arc_lengths, hausdorff, resample
 from dlogen.io.report import mdtw_dict
 
 
-def compare(a: npt.ArrayLike, b: npt.ArrayLike, samples: int = 1000, *, align_direction: bool = True) -> dict[str, Any]:
+def compare(
+    a: npt.ArrayLike, b: npt.ArrayLike, samples: int = MDTW_SAMPLES, *, align_direction: bool = True
+) -> dict[str, Any]:
     """How two polylines differ: MDTW between samples of both, even in arc length and of the same number.
 
     Args:

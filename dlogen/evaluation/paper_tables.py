@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from dlogen.config.defaults import PAPER_SIZE
 from dlogen.geometry.arc_length import even_parameters
 from dlogen.geometry.mdtw import mdtw
 from dlogen.pipeline import fit
@@ -16,7 +17,7 @@ from dlogen.types import Array, Mdtw, Result
 #: The paper's parameters: d = 40 mm, M = 5000, N = 21, tau = N / 4, beta = 1e-2 (IV.B), r_n and e_max of Table III.
 RADIUS = 0.02
 POINTS = 5000
-PAPER_CONFIG: dict[str, Any] = {"profile": "paper", "r": RADIUS, "N": 21, "beta": 1e-2}
+PAPER_CONFIG: dict[str, Any] = {"profile": "paper", "r": RADIUS, "N": PAPER_SIZE, "beta": 1e-2}
 TABLE_3_CONFIG: dict[str, Any] = {**PAPER_CONFIG, "r_n": 0.16, "e_max": 0.01}
 
 #: What `profile: refined` has to reach on the same clouds with nothing set, in mm. Random points tell where a tube ends

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from dlogen.evaluation.centre_line import CentreLine, Curve, from_tangent
 from dlogen.types import Array
+
+#: Smallest radius of curvature of a random line unless it is given, metres.
+_BEND_RADIUS = 0.1
+
+#: Random lines longer than this many bend radii run into themselves all too often.
+_BENDS = 14.0
 
 
 def _bent(t: Array, derivative: int) -> Array:
@@ -237,3 +244,41 @@ def hose_centre_line(length: float = 1.7, min_bend_radius: float = 0.145, s_min:
     line = from_tangent("hose", length, tangent)
     box = line.points(2000)
     return line.moved(np.eye(3), -(box.min(axis=0) + box.max(axis=0)) / 2)
+
+
+def shape_by_name(
+    name: str,
+    rng: np.random.Generator,
+    *,
+    diameter: float = 0.04,
+    length: float | None = None,
+    bend_radius: float | None = None,
+) -> CentreLine:
+    """The centre line of a shape; strands that pass each other have 1.05 diameters between their axes.
+
+    Args:
+        name: a key of `TABLE_I`, or random, loop, coil, hose.
+        rng: for what is random.
+        diameter: of the tube, metres.
+        length: of random, loop, coil and hose, metres; None for the usual one.
+        bend_radius: smallest radius of curvature of random and hose, metres; None for the usual one.
+
+    Raises:
+        ValueError: there is no such shape, or none of this size.
+    """
+    if name in TABLE_I:
+        return centre_line(name)
+    size: dict[str, Any] = {} if length is None else {"length": length}
+    bend: dict[str, Any] = {} if bend_radius is None else {"min_bend_radius": bend_radius}
+    if name == "loop":
+        return loop_centre_line(**size, separation=1.05 * diameter)
+    if name == "coil":
+        return coil_centre_line(**size, separation=1.05 * diameter)
+    if name == "hose":
+        return hose_centre_line(**size, **bend)
+    if name == "random":
+        bend_radius = bend_radius or max(_BEND_RADIUS, (length or 0.0) / _BENDS)
+        clearance = min(1.5 * diameter, bend_radius)
+        return random_centre_line(rng, **size, min_bend_radius=bend_radius, clearance=clearance)
+    known = ", ".join((*TABLE_I, "random", "loop", "coil", "hose"))
+    raise ValueError(f"there is no shape {name!r}; known: {known}")

@@ -16,12 +16,14 @@ import numpy as np
 import numpy.typing as npt
 
 from dlogen.evaluation.centre_line import CentreLine
+from dlogen.evaluation.shapes import shape_by_name
 from dlogen.geometry.vectors import dots
 from dlogen.types import Array, BoolArray
+from dlogen.types.short_repr import ShortRepr
 
 
-@dataclass(frozen=True, eq=False)
-class SyntheticCloud:
+@dataclass(frozen=True, eq=False, repr=False)
+class SyntheticCloud(ShortRepr):
     """Points on a tube, with the truth about each of them.
 
     Attributes:
@@ -39,6 +41,46 @@ class SyntheticCloud:
     is_stray: BoolArray
     truth: CentreLine
     radius: float
+
+
+def synth(
+    shape: str | CentreLine = "bent",
+    points: int = 5000,
+    *,
+    diameter: float = 0.04,
+    seed: int = 0,
+    length: float | None = None,
+    bend_radius: float | None = None,
+    **sampling: Any,
+) -> SyntheticCloud:
+    """A cloud of a tube whose axis is known; `dlogen synth` writes the same points, rounded to 1e-7 m.
+
+    Args:
+        shape: one of the paper's Table I (bent, straight, helical, helical-printed), or random, loop, coil, hose; or a
+            centre line.
+        points: their number.
+        diameter: of the tube, metres.
+        seed: of everything random.
+        length: of random, loop, coil (1.4 each) and hose (1.7), metres.
+        bend_radius: smallest radius of curvature of random and hose, metres.
+        sampling: further arguments of `sample_tube`: noise, stray_fraction, gaps, density_ratio, side, caps.
+
+    Returns:
+        The points (M, 3) in metres with their true normals and coordinates, and the true axis.
+
+    Raises:
+        ValueError: there is no such shape, or a size is not possible.
+
+    >>> import dlogen
+    >>> cloud = dlogen.synth("helical", points=1000, noise=0.001)
+    >>> cloud.points.shape, round(cloud.truth.length, 3)
+    ((1000, 3), 6.683)
+    """
+    rng = np.random.default_rng(seed)
+    line = shape
+    if isinstance(line, str):
+        line = shape_by_name(line, rng, diameter=diameter, length=length, bend_radius=bend_radius)
+    return sample_tube(line, 0.5 * diameter, points, rng, **sampling)
 
 
 def sample_tube(

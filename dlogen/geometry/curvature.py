@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from dlogen.types import Array, Skeleton
 
@@ -52,3 +53,26 @@ def max_curvature(line: Skeleton, samples: int = 2001) -> tuple[float, float]:
     refined = curvature(line, fine)
     peak = int(np.argmax(refined))
     return float(refined[peak]), float(fine[peak])
+
+
+def tangent(line: Skeleton, s: npt.ArrayLike) -> Array:
+    """Unit tangent f' / |f'| of the skeleton line (paper III.A).
+
+    Args:
+        line: the skeleton line.
+        s: a coordinate in [0, 1], or (K,) of them.
+
+    Returns:
+        (3,) or (K, 3).
+
+    Raises:
+        ValueError: a coordinate outside of [0, 1].
+
+    >>> import dlogen
+    >>> result = dlogen.fit(dlogen.synth("straight", points=2000, seed=1).points)
+    >>> dlogen.tangent(result.skeleton, 0.5).round(2).tolist()
+    [-0.29, 0.96, -0.0]
+    """
+    along = line(s, 1)
+    unit: Array = along / np.linalg.norm(along, axis=-1, keepdims=True)
+    return unit

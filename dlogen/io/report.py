@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dlogen.multibody.model import Joint, MultibodyModel, multibody
+from dlogen.multibody.build import multibody
+from dlogen.multibody.model import Joint, MultibodyModel
 from dlogen.types import Mdtw, Result, Segmentation
 
 CHAIN_SCHEMA = "dlogen.chain/1"
@@ -140,7 +141,7 @@ def report_dict(result: Result, reference: dict[str, Any] | None = None) -> dict
         },
         "chosen": result.settings,
         "quality": quality_dict(result),
-        "warnings": [finding.message for finding in result.quality.findings if finding.severity != "note"],
+        "warnings": [finding.message for finding in result.quality.warnings],
     }
     if reference is not None:
         report["reference"] = reference

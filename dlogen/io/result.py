@@ -11,7 +11,8 @@ from dlogen import types
 from dlogen.io.atomic import refuse_existing, write_all
 from dlogen.io.outputs import Outputs
 from dlogen.io.report import report_dict
-from dlogen.multibody.model import MultibodyModel, multibody
+from dlogen.multibody.build import multibody
+from dlogen.multibody.model import MultibodyModel
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -11,18 +11,13 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from dlogen.config.defaults import GENERIC_DAMPING_RATIO, GENERIC_DENSITY, GENERIC_MATERIAL
 from dlogen.config.fields import AUTO
 from dlogen.config.presets import PRESETS, Preset
 from dlogen.errors import ConfigError
 
 if TYPE_CHECKING:
-    from dlogen.config.schema import Material
-
-#: Density where nothing is said, kg/m^3: that of cable sheaths and rubber.
-GENERIC_DENSITY = 1200.0
-
-#: Damping ratio where only a modulus is said: an assumption, of the order of what plastics and rubbers have.
-GENERIC_DAMPING_RATIO = 0.05
+    from dlogen.config.sections import Material
 
 #: 1.875^2, from the first root of cos(x) cosh(x) = -1: the slowest bending vibration of a cantilever is at
 #: 3.516 sqrt(E I / (m' L^4)) radians a second (Blevins, Formulas for Natural Frequency and Mode Shape, table 8-1).
@@ -135,7 +130,7 @@ def properties(material: Material, radius: float, length: float) -> Properties:
         damping = assumed if material.damping_ratio == AUTO else material.damping_ratio
     name = material.name
     if name == AUTO:
-        name = material.preset.replace("-", " ") if preset else "generic"
+        name = material.preset.replace("-", " ") if preset else GENERIC_MATERIAL
     return Properties(name, radius, inner, length, mass_per_length, young, shear, damping)
 
 

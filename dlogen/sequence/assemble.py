@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from dlogen.batch.store import Row
-from dlogen.config.schema import AUTO, Config
+from dlogen.config.fields import AUTO
+from dlogen.config.schema import Config
 from dlogen.sequence.export import contents, observed_of, result_of, sequence_dict
 from dlogen.sequence.file_names import MODEL, file_names
 from dlogen.sequence.shared_model import common_model

@@ -20,15 +20,16 @@ from dlogen.geometry.mdtw import mdtw
 from dlogen.geometry.polyline import resample
 from dlogen.io.json_text import dump_json
 from dlogen.io.report import model_dict
-from dlogen.multibody.model import multibody
+from dlogen.multibody.build import multibody
 from dlogen.sequence.outliers import Observed, Size
 from dlogen.sequence.trajectory import Motion
-from dlogen.types import Frame, Joints, Quality, Residual, Result, Segmentation, Skeleton
+from dlogen.stages.quality.findings import DEVIATION_ABOVE_E_MAX
+from dlogen.types import Finding, Frame, Joints, Quality, Residual, Result, Segmentation, Skeleton
 
 SCHEMA = "dlogen.sequence/1"
 
 #: Findings about a frame's own chain, which is not used.
-_OF_THE_CHAIN = ("deviation-above-e_max",)
+_OF_THE_CHAIN = (DEVIATION_ABOVE_E_MAX,)
 
 #: Columns of the trajectory before the joints.
 _POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
@@ -48,15 +49,12 @@ def observed_of(rows: Mapping[str, Row], key: str, folder: Path, *, keep_doubtfu
     if row is None or row.status != "done":
         return Observed(name, None, problem=row.error if row and row.error else "it has not been fitted")
     chain, report = _read(folder / f"{key}.json"), _read(folder / f"{key}.report.json")
-    findings = [
-        item
-        for item in chain["quality"]["findings"]
-        if item["severity"] != "note" and item["code"] not in _OF_THE_CHAIN
-    ]
-    verdict = "bad" if any(item["severity"] == "bad" for item in findings) else "doubtful"
+    findings = map(Finding.from_dict, chain["quality"]["findings"])
+    quality = Quality(tuple(item for item in findings if not any(kind.matches(item) for kind in _OF_THE_CHAIN)))
     problem = None
-    if findings and not (keep_doubtful and verdict == "doubtful"):
-        problem = f"{verdict}: " + "; ".join(f"{item['message']} [{item['code']}]" for item in findings)
+    if not quality.is_good and not (keep_doubtful and not quality.is_bad):
+        said = "; ".join(f"{item.message} [{item.code}]" for item in quality.warnings)
+        problem = f"{quality.verdict}: {said}"
     return Observed(
         name,
         np.array(chain["skeleton"]["points"]),

@@ -44,7 +44,7 @@ class Aside:
     """Why a frame is set aside.
 
     Attributes:
-        code: "failed", "doubtful", "length", "radius", "noise" or "motion".
+        code: "failed", "doubtful", "length", "radius", "noise" or "motion"; see `dlogen.sequence.reasons`.
         message: one sentence, with figures.
     """
 

@@ -8,12 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlogen.config.schema import AUTO, Segmentation
+from dlogen.config.defaults import R_PER_E_MAX
+from dlogen.config.fields import AUTO
+from dlogen.config.sections import Segmentation
 from dlogen.errors import FitError
 from dlogen.geometry.vectors import dots
 from dlogen.sequence.interpolation import filled_in, smoothed
 from dlogen.sequence.orientation import directions, hidden_ends, misfits, unclear_directions
 from dlogen.sequence.outliers import Aside, Observed, Sizes, common_sizes, set_aside
+from dlogen.sequence.reasons import LENGTH, RADIUS
 from dlogen.sequence.rigid_links import Shape, deviations, equal_links, fewest_links, fit_links, links_of_length
 from dlogen.stages.segmentation.segment_length import max_segment_length
 from dlogen.types import Array, BoolArray
@@ -108,7 +111,7 @@ def common_model(
         times: (F,) seconds, increasing. With them, the same end is first in all frames by their motion, frames that do
             not fit between their neighbours are set aside, and frames that are set aside get a chain from those
             around them. Without, directions are those in which the ends are nearest to those of the first good frame.
-        segmentation: how long the links are; see `dlogen.config.schema`. Joints are material points beside the curve,
+        segmentation: how long the links are; see `dlogen.config.sections`. Joints are material points beside the curve,
             whatever its `placement`.
         e_max: largest distance allowed between the curve of a good frame and its chain, metres; half of the radius by
             default.
@@ -141,7 +144,7 @@ def common_model(
         doubts += _of_directions(observed, good, shape, times)
         shape = _with_hidden_ends(shape, times[good], 3.0 * sizes.length.spread)
 
-    e_max = 0.5 * sizes.radius.value if e_max is None else e_max
+    e_max = sizes.radius.value / R_PER_E_MAX if e_max is None else e_max
     radius, which, s = _tightest(shape)
     criterion, links = _links(shape, e_max, radius, segmentation or Segmentation())
     fitted = fit_links(shape, links)
@@ -179,7 +182,9 @@ def _of_sizes(observed: Sequence[Observed], asides: Sequence[Aside | None], size
     if len(believed) < 2 or (sizes.length.agreed and sizes.radius.agreed and 2 * within > len(believed)):
         return []
     codes = Counter(aside.code for aside in asides if aside is not None)
-    what = "radius" if codes["radius"] > codes["length"] or sizes.length.agreed > sizes.radius.agreed else "length"
+    what = (
+        "radius" if codes[RADIUS.code] > codes[LENGTH.code] or sizes.length.agreed > sizes.radius.agreed else "length"
+    )
     values, usual = [getattr(item, what) for item in believed], getattr(sizes, what).value
     return [
         Doubt(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlogen.config.schema import JointSettings
+from dlogen.config.sections import JointSettings
 from dlogen.errors import ConfigError
 from dlogen.geometry.rotations import quaternion, smallest_rotations
 from dlogen.sequence.interpolation import base_rotations, hinge_values

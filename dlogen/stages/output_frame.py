@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from dlogen.config.defaults import CHAIN_FRAME
 from dlogen.config.fields import AUTO
 from dlogen.errors import ConfigError
 from dlogen.geometry.parallel_transport import minimal_rotation_frames
@@ -17,7 +18,7 @@ from dlogen.geometry.rotations import from_quaternion, hinges
 from dlogen.types import Array, Cloud, Finding, FitData, Frame, Intermediate, Quality, Segmentation
 
 if TYPE_CHECKING:
-    from dlogen.config.schema import FrameSettings
+    from dlogen.config.sections import FrameSettings
 
 _Fit = TypeVar("_Fit", bound=FitData)
 
@@ -42,7 +43,7 @@ def output_frame(settings: FrameSettings, cloud: Cloud, scale: float = 1.0) -> F
         transform = _pose(OPTICAL_TO_ROS) @ transform
     turn = hinges(("z", "y", "x"), np.array([settings.yaw, settings.pitch, settings.roll]))
     transform = _pose(turn, (settings.x, settings.y, settings.z)) @ transform
-    return Frame("cloud" if settings.name == AUTO else settings.name, transform)
+    return Frame(CHAIN_FRAME if settings.name == AUTO else settings.name, transform)
 
 
 def viewpoint_pose(cloud: Cloud, scale: float = 1.0) -> Array:

@@ -13,6 +13,7 @@ from dlogen.config.fields import AUTO
 from dlogen.errors import ConfigError, FitError
 from dlogen.geometry.sampling import thinned
 from dlogen.geometry.units import METRES, guess_units
+from dlogen.stages.quality.findings import STRAY_POINTS
 from dlogen.types import Array, BoolArray, Cloud, Finding
 
 #: Fewer points than this cannot show a tube; the paper works with 5,000.
@@ -88,7 +89,7 @@ def check_left_out(count: int) -> list[Finding]:
     if count == 0:
         return []
     message = f"left out {count} point{'s' if count > 1 else ''} very far from all others: missing data, it seems"
-    return [Finding("stray-points", message, "note")]
+    return [STRAY_POINTS.found(message, "note")]
 
 
 def check_given_radius(points: Array, radius: float | None) -> None:

@@ -5,10 +5,11 @@ from dlogen.types.chain import Chain, FewerSegments, Frame, Joints, Pose, Segmen
 from dlogen.types.cloud import Cloud, Dropped, RawCloud, Source
 from dlogen.types.intermediate import Intermediate
 from dlogen.types.line import Basis, FittedLine, Skeleton, SortedPoints
-from dlogen.types.quality import Finding, Mdtw, Quality, Residual
+from dlogen.types.quality import SEVERITIES, Finding, Mdtw, Quality, Residual, Severity, Verdict
 from dlogen.types.result import FitData, Result
 
 __all__ = [
+    "SEVERITIES",
     "Array",
     "Basis",
     "BoolArray",
@@ -30,7 +31,9 @@ __all__ = [
     "Residual",
     "Result",
     "Segmentation",
+    "Severity",
     "Skeleton",
     "SortedPoints",
     "Source",
+    "Verdict",
 ]

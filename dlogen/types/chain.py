@@ -6,11 +6,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dlogen.config.defaults import CHAIN_FRAME
 from dlogen.types.arrays import Array
+from dlogen.types.short_repr import ShortRepr
 
 
-@dataclass(frozen=True, eq=False)
-class Joints:
+@dataclass(frozen=True, eq=False, repr=False)
+class Joints(ShortRepr):
     """Joints on the skeleton line (paper III.E), or beside it.
 
     Attributes:
@@ -44,8 +46,8 @@ class FewerSegments:
     resolution: float | None
 
 
-@dataclass(frozen=True, eq=False)
-class Segmentation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Segmentation(ShortRepr):
     """The skeleton line cut into segments (paper III.D, III.E).
 
     Attributes:
@@ -72,8 +74,8 @@ class Segmentation:
         return len(self.joints.s) - 1
 
 
-@dataclass(frozen=True, eq=False)
-class Chain:
+@dataclass(frozen=True, eq=False, repr=False)
+class Chain(ShortRepr):
     """The kinematic chain (paper Eq. 1-2): n rigid segments between n + 1 joints.
 
     Attributes:
@@ -97,8 +99,8 @@ class Chain:
         return float(self.lengths.sum())
 
 
-@dataclass(frozen=True, eq=False)
-class Frame:
+@dataclass(frozen=True, eq=False, repr=False)
+class Frame(ShortRepr):
     """The frame that a result is in.
 
     Attributes:
@@ -106,12 +108,12 @@ class Frame:
         transform: (4, 4) that takes the cloud's points, in metres, into it.
     """
 
-    name: str = "cloud"
+    name: str = CHAIN_FRAME
     transform: Array = field(default_factory=lambda: np.eye(4))
 
 
-@dataclass(frozen=True, eq=False)
-class Pose:
+@dataclass(frozen=True, eq=False, repr=False)
+class Pose(ShortRepr):
     """A pose of the multibody model.
 
     Attributes:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from dlogen.types.arrays import Array
+from dlogen.types.short_repr import ShortRepr
 
 
-@dataclass(frozen=True, eq=False)
-class RawCloud:
+@dataclass(frozen=True, eq=False, repr=False)
+class RawCloud(ShortRepr):
     """A cloud as its file has it: file order, NaN points kept, the file's own units.
 
     Attributes:
@@ -62,8 +63,8 @@ class Source:
     sha256: str
 
 
-@dataclass(frozen=True, eq=False)
-class Cloud:
+@dataclass(frozen=True, eq=False, repr=False)
+class Cloud(ShortRepr):
     """A clean cloud: finite, free of exact duplicates.
 
     Attributes:

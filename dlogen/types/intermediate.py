@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from dlogen.types.arrays import Array
+from dlogen.types.short_repr import ShortRepr
 
 
-@dataclass(frozen=True, eq=False)
-class Intermediate:
+@dataclass(frozen=True, eq=False, repr=False)
+class Intermediate(ShortRepr):
     """What a stage made of the points, for dumps and pictures.
 
     Attributes:

@@ -11,6 +11,10 @@ import numpy.typing as npt
 from dlogen.types.arrays import Array, BoolArray, IntArray
 from dlogen.types.intermediate import Intermediate
 from dlogen.types.quality import Finding
+from dlogen.types.short_repr import ShortRepr
+
+#: How far beyond 0 and 1 a coordinate may be.
+_ROUNDING = 1e-9
 
 
 class Basis(Protocol):
@@ -39,8 +43,8 @@ class Basis(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class SortedPoints:
+@dataclass(frozen=True, eq=False, repr=False)
+class SortedPoints(ShortRepr):
     """Projected points in their order along the object (the paper's P_s and s_s).
 
     Attributes:
@@ -56,8 +60,8 @@ class SortedPoints:
     unreached: IntArray
 
 
-@dataclass(frozen=True, eq=False)
-class Skeleton:
+@dataclass(frozen=True, eq=False, repr=False)
+class Skeleton(ShortRepr):
     """The skeleton line f(s) = sum_j W_j phi_j(s) + offset, s in [0, 1] (paper III.C, Eq. 7).
 
     Attributes:
@@ -73,13 +77,40 @@ class Skeleton:
     length: float
 
     def __call__(self, s: npt.ArrayLike, derivative: int = 0) -> Array:
-        """f(s) or its derivative with respect to s: (K,) -> (K, 3)."""
-        value = self.basis.combine(np.atleast_1d(np.asarray(s, dtype=float)), self.weights, derivative)
-        return value + self.offset if derivative == 0 else value
+        """f(s), or its derivative with respect to s.
+
+        Args:
+            s: a coordinate in [0, 1], or (K,) of them.
+            derivative: 0 to 3.
+
+        Returns:
+            (3,) or (K, 3), metres.
+
+        Raises:
+            ValueError: a coordinate outside of [0, 1].
+
+        >>> import dlogen
+        >>> line = dlogen.fit(dlogen.synth("straight", points=2000, seed=1).points).skeleton
+        >>> line(0.5).shape, line([0.0, 0.5, 1.0]).shape
+        ((3,), (3, 3))
+        >>> line(1.5)
+        Traceback (most recent call last):
+        ...
+        ValueError: the skeleton line is defined for s from 0 to 1, not at 1.5
+        """
+        places = np.asarray(s, dtype=float)
+        along = np.atleast_1d(places)
+        # Rounding may lead a little beyond the ends.
+        if along.size and not (along.min() >= -_ROUNDING and along.max() <= 1.0 + _ROUNDING):
+            wrong = along[~((along >= -_ROUNDING) & (along <= 1.0 + _ROUNDING))][0]
+            raise ValueError(f"the skeleton line is defined for s from 0 to 1, not at {wrong:g}")
+        value = self.basis.combine(along, self.weights, derivative)
+        value = value + self.offset if derivative == 0 else value
+        return value if places.ndim else value[0]
 
 
-@dataclass(frozen=True, eq=False)
-class FittedLine:
+@dataclass(frozen=True, eq=False, repr=False)
+class FittedLine(ShortRepr):
     """A skeleton line with what a profile knows of it.
 
     Attributes:

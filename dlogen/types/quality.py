@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, get_args
 
 from dlogen.types.arrays import Array, IntArray
+from dlogen.types.short_repr import ShortRepr
+
+#: How serious a finding is: a note leaves the verdict alone, the others lower it.
+Severity = Literal["note", "doubtful", "bad"]
+#: From the mildest to the gravest.
+SEVERITIES: tuple[Severity, ...] = get_args(Severity)
+
+#: What is said of a chain as a whole.
+Verdict = Literal["good", "doubtful", "bad"]
 
 
-@dataclass(frozen=True, eq=False)
-class Mdtw:
+@dataclass(frozen=True, eq=False, repr=False)
+class Mdtw(ShortRepr):
     """The modified dynamic time warping error between two sampled curves (paper IV.A, Eq. 21-22).
 
     Attributes:
@@ -31,8 +41,11 @@ class Mdtw:
 class Finding:
     """Something about the cloud or the chain that a user should know.
 
+    The kinds that there are, what they mean and what to do about them stand in `dlogen.stages.quality.findings`, which
+    makes the findings.
+
     Attributes:
-        code: stable identifier, for scripts ("gap", "closed-ring", ...).
+        code: stable identifier of the kind, for scripts ("gap", "closed-ring", ...).
         message: one sentence.
         severity: "note" leaves the verdict alone, "doubtful" and "bad" lower it.
         s: material coordinate that it is at, if any.
@@ -41,9 +54,24 @@ class Finding:
 
     code: str
     message: str
-    severity: str = "doubtful"
+    severity: Severity = "doubtful"
     s: float | None = None
     position: tuple[float, float, float] | None = None
+
+    @property
+    def is_note(self) -> bool:
+        """Whether it leaves the verdict alone."""
+        return self.severity == "note"
+
+    @property
+    def is_bad(self) -> bool:
+        """Whether the chain cannot be used because of it."""
+        return self.severity == "bad"
+
+    @property
+    def gravity(self) -> int:
+        """The place of its severity among all, from 0, the mildest."""
+        return SEVERITIES.index(self.severity)
 
     def to_dict(self) -> dict[str, Any]:
         """As it stands in the JSON files; absent places are left out."""
@@ -54,18 +82,46 @@ class Finding:
             out["position"] = list(self.position)
         return out
 
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Finding:
+        """From what `to_dict` gives."""
+        position = data.get("position")
+        return cls(
+            data["code"],
+            data["message"],
+            data["severity"],
+            data.get("s"),
+            None if position is None else (position[0], position[1], position[2]),
+        )
+
 
 @dataclass(frozen=True)
 class Quality:
-    """How far the chain can be trusted: the worst severity among the findings."""
+    """How far the chain can be trusted: the gravest severity among the findings."""
 
     findings: tuple[Finding, ...] = ()
 
     @property
-    def verdict(self) -> str:
+    def warnings(self) -> tuple[Finding, ...]:
+        """The findings that lower the verdict: all but the notes."""
+        return tuple(finding for finding in self.findings if not finding.is_note)
+
+    @property
+    def verdict(self) -> Verdict:
         """ "good", "doubtful" or "bad"."""
-        severities = {finding.severity for finding in self.findings}
-        return "bad" if "bad" in severities else "doubtful" if "doubtful" in severities else "good"
+        if self.is_good:
+            return "good"
+        return "bad" if self.is_bad else "doubtful"
+
+    @property
+    def is_good(self) -> bool:
+        """Whether no finding lowers the verdict."""
+        return not self.warnings
+
+    @property
+    def is_bad(self) -> bool:
+        """Whether the chain cannot be used."""
+        return any(finding.is_bad for finding in self.findings)
 
 
 @dataclass(frozen=True)

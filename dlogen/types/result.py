@@ -11,10 +11,11 @@ from dlogen.types.chain import Chain, Frame, Joints, Pose, Segmentation
 from dlogen.types.intermediate import Intermediate
 from dlogen.types.line import Skeleton
 from dlogen.types.quality import Mdtw, Quality, Residual
+from dlogen.types.short_repr import ShortRepr
 
 
-@dataclass(frozen=True, eq=False)
-class FitData:
+@dataclass(frozen=True, eq=False, repr=False)
+class FitData(ShortRepr):
     """Everything that a fit made. `dlogen.Result` is the same, and can write itself.
 
     Attributes:

@@ -12,7 +12,7 @@ import pytest
 
 from dlogen.batch.job import Failure, Plan, Task, failure_of, paths_of, remove_temporaries, work, write_files
 from dlogen.batch.metrics import FIGURES
-from dlogen.config.schema import load_config
+from dlogen.config.reader import load_config
 from dlogen.errors import ConfigError, FitError, InputError, OutputError
 from dlogen.io.atomic import temporary_prefix
 from dlogen.io.cloud_files import write_cloud

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from dlogen.batch.discover import find_items
 from dlogen.batch.item import Item
 from dlogen.batch.lists import read_table
-from dlogen.config.schema import load_config
+from dlogen.config.reader import load_config
 from dlogen.errors import DlogenError, InputError, UsageError
 
 

@@ -17,7 +17,7 @@ from dlogen.batch.job import Failure, Outcome, Plan, Task, work
 from dlogen.batch.paths import as_unicode
 from dlogen.batch.runner import Batch, Settings
 from dlogen.batch.store import Ledger, Row
-from dlogen.config.schema import load_config
+from dlogen.config.reader import load_config
 from dlogen.errors import OutputError
 from dlogen.io.atomic import temporary_prefix
 from dlogen.io.outputs import Outputs

@@ -9,8 +9,10 @@ import yaml
 from jsonschema import Draft202012Validator
 from places import ROOT
 
+from dlogen.config.reader import load_config
 from dlogen.config.rendering import json_schema, to_yaml
-from dlogen.config.schema import Config, Material, load_config
+from dlogen.config.schema import Config
+from dlogen.config.sections import Material
 from dlogen.multibody.materials import properties
 
 FOLDER = ROOT / "configs"

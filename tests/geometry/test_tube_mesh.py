@@ -50,7 +50,7 @@ def to_line(line, points: np.ndarray, near: np.ndarray) -> np.ndarray:
         k = int(np.argmin(distance))
         bounds = (fine[max(k - 1, 0)], fine[min(k + 1, 399)])
         found = minimize_scalar(
-            lambda u, point=point: float(np.linalg.norm(line(u)[0] - point)),
+            lambda u, point=point: float(np.linalg.norm(line(u) - point)),
             bounds=bounds,
             method="bounded",
             options={"xatol": 1e-9},

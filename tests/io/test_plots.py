@@ -38,7 +38,7 @@ def test_a_fit_is_drawn_the_same_every_time(result: Result) -> None:
 def test_the_refined_profile_and_its_findings_are_drawn() -> None:
     cloud = sample_tube(centre_line("bent"), 0.02, 3000, np.random.default_rng(5), gaps=[(0.4, 0.43)])
     result = fit(cloud.points)
-    place = tuple(float(x) for x in result.skeleton(0.4)[0])
+    place = tuple(float(x) for x in result.skeleton(0.4))
     marked = Quality((Finding("gap", "a gap", "note", 0.4, place),))
     object.__setattr__(result, "quality", marked)
     axes = canvas(8, 6).add_subplot()

@@ -7,7 +7,9 @@ import math
 import pytest
 
 from dlogen.config.presets import PRESETS
-from dlogen.config.schema import Config, Material, load_config
+from dlogen.config.reader import load_config
+from dlogen.config.schema import Config
+from dlogen.config.sections import Material
 from dlogen.errors import ConfigError
 from dlogen.multibody.materials import properties
 

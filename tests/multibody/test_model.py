@@ -9,9 +9,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from dlogen.config.schema import JointSettings, Material
+from dlogen.config.sections import JointSettings, Material
 from dlogen.errors import ConfigError
-from dlogen.multibody.model import build_model, multibody
+from dlogen.multibody.build import build_model, multibody
 from dlogen.stages.chain import build_chain
 from dlogen.types import Chain, Joints
 

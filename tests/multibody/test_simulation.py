@@ -19,7 +19,8 @@ from scipy.optimize import root
 
 from dlogen.config.presets import PRESETS
 from dlogen.io.registry import model_format
-from dlogen.multibody.model import MultibodyModel, multibody
+from dlogen.multibody.build import multibody
+from dlogen.multibody.model import MultibodyModel
 from dlogen.stages.chain import build_chain
 from dlogen.types import Joints
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from moving import LENGTH, MOTIONS, RADIUS, Recorded, observation, recorded
 
-from dlogen.config.schema import Segmentation
+from dlogen.config.sections import Segmentation
 from dlogen.errors import FitError
 from dlogen.evaluation.shapes import centre_line
 from dlogen.geometry.polyline import resample

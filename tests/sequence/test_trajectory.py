@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from moving import LENGTH, recorded
 
-from dlogen.config.schema import Config, JointSettings
+from dlogen.config.schema import Config
+from dlogen.config.sections import JointSettings
 from dlogen.io.registry import model_format, model_formats
-from dlogen.multibody.model import multibody
+from dlogen.multibody.build import multibody
 from dlogen.sequence.export import trajectory_csv, trajectory_npz
 from dlogen.sequence.outliers import Observed
 from dlogen.sequence.plot import motion_picture

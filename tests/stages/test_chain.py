@@ -154,7 +154,7 @@ def test_deviation_is_that_of_brute_force(exact_line, seed: int, length: float) 
     # And it is where it says.
     i = min(int(np.searchsorted(joints.s, s, side="right")) - 1, len(joints.s) - 2)
     start, along = joints.positions[i], joints.positions[i + 1] - joints.positions[i]
-    point = line(s)[0]
+    point = line(s)
     t = np.clip((point - start) @ along / (along @ along), 0, 1)
     assert np.linalg.norm(point - start - t * along) == pytest.approx(distance, rel=1e-6, abs=1e-12)
 

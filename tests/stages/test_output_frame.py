@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 import dlogen
 from dlogen.cli.main import cli
-from dlogen.config.schema import Config, FrameSettings
+from dlogen.config.schema import Config
+from dlogen.config.sections import FrameSettings
 from dlogen.errors import ConfigError
 from dlogen.evaluation.shapes import random_centre_line
 from dlogen.evaluation.synthetic import sample_tube

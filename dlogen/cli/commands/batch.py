@@ -81,7 +81,7 @@ def command(
     from dlogen.batch.store import NAME as LEDGER
     from dlogen.batch.store import Ledger
     from dlogen.cli.batch_progress import follow
-    from dlogen.config.schema import load_config
+    from dlogen.config.reader import load_config
     from dlogen.io.atomic import refuse_existing
     from dlogen.io.outputs import Outputs
 

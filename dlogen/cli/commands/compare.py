@@ -9,6 +9,7 @@ import click
 
 from dlogen.cli.console import Console, print_json
 from dlogen.cli.main import Command
+from dlogen.config.defaults import MDTW_SAMPLES
 
 if TYPE_CHECKING:
     from dlogen.io.curves.curve import Curve
@@ -31,7 +32,7 @@ _EXAMPLES = """Examples:
 @click.option(
     "--samples",
     type=click.IntRange(2, 20_000),
-    default=1000,
+    default=MDTW_SAMPLES,
     show_default=True,
     help="Points on each curve, even in arc length.",
 )

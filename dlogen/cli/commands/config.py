@@ -33,8 +33,8 @@ def show(config_path: str | None, overrides: tuple[str, ...], as_json: bool, con
     Without options these are the defaults: a file to start from. With -c and --set the configuration is checked, and
     what they leave out is filled in.
     """
+    from dlogen.config.reader import load_config
     from dlogen.config.rendering import to_yaml
-    from dlogen.config.schema import load_config
 
     config = load_config(config_path, overrides)
     if as_json:

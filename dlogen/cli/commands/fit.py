@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 #: Places of findings that a line of text names.
 _PLACES = 8
-_SEVERITIES = ("note", "doubtful", "bad")
 
 _EXAMPLES = """Examples:
 
@@ -67,7 +66,7 @@ def command(
 
     Writes NAME.urdf, NAME.json (the kinematic chain) and NAME.report.json (the errors), all in metres.
     """
-    from dlogen.config.schema import load_config
+    from dlogen.config.reader import load_config
     from dlogen.errors import DlogenError, FitError, UsageError
     from dlogen.io.atomic import refuse_existing, write_all
     from dlogen.io.outputs import Outputs
@@ -116,7 +115,7 @@ def command(
         console.info(f"wrote into {dump_folder}: " + ", ".join(path.name for path in dumps))
     if as_json:
         print_json(report)
-    if strict and result.quality.verdict != "good":
+    if strict and not result.quality.is_good:
         raise FitError(
             f"the verdict is {result.quality.verdict}", "see the findings above, or leave --strict away", path=cloud
         )
@@ -171,12 +170,14 @@ def _place(finding: Finding) -> str:
 
 def _lines(findings: tuple[Finding, ...]) -> Iterator[tuple[str, bool]]:
     """Findings as text, those of a kind in one line with the worst one's message, and whether they are mere notes."""
+    from dlogen.stages.quality.findings import SETTINGS_NOT_USED
+
     kinds: dict[tuple[str, bool], list[Finding]] = {}
     for finding in findings:
-        quiet = finding.severity == "note" and finding.code != "settings-not-used"
+        quiet = finding.is_note and not SETTINGS_NOT_USED.matches(finding)
         kinds.setdefault((finding.code, quiet), []).append(finding)
     for (code, quiet), alike in kinds.items():
-        first = max(alike, key=lambda finding: _SEVERITIES.index(finding.severity))
+        first = max(alike, key=lambda finding: finding.gravity)
         count = f"{len(alike)} times: " if len(alike) > 1 else ""
         places = [place for place in map(_place, alike) if place]
         more = f" and {len(places) - _PLACES} more places" if len(places) > _PLACES else ""

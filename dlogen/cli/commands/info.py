@@ -8,6 +8,7 @@ import click
 
 from dlogen.cli.console import Console, print_json
 from dlogen.cli.main import Command
+from dlogen.config.defaults import R_PER_E_MAX
 
 _EXAMPLES = """Examples:
 
@@ -66,7 +67,7 @@ def _rows(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("spacing", f"{1e3 * scale['spacing']:.3g} mm between nearest points"),
         ("r", f"{1e3 * chosen['r']:.4g} mm{sure}"),
         ("r_n", f"{1e3 * chosen['r_n']:.4g} mm"),
-        ("e_max", f"{1e3 * chosen['e_max']:.4g} mm (r / 2)"),
+        ("e_max", f"{1e3 * chosen['e_max']:.4g} mm (r / {R_PER_E_MAX})"),
         ("N", str(chosen["N"])),
         ("normals.neighbours", str(chosen["normals.neighbours"])),
     ]

@@ -160,7 +160,9 @@ def _configs(path: str | None, given: tuple[str, ...], console: Console) -> tupl
     only: the segments of a frame alone are of no interest, and when the model's settings change, nothing has to be
     fitted again.
     """
-    from dlogen.config.schema import Config, JointSettings, load_config
+    from dlogen.config.reader import load_config
+    from dlogen.config.schema import Config
+    from dlogen.config.sections import JointSettings
 
     def of_the_model(key: str) -> bool:
         section, _, name = key.strip().rpartition(".")
@@ -180,7 +182,7 @@ def _configs(path: str | None, given: tuple[str, ...], console: Console) -> tupl
 
 def _floating(config: Config) -> Config:
     """For a model in several poses, by the criterion that the profile has for one."""
-    from dlogen.config.schema import AUTO
+    from dlogen.config.fields import AUTO
 
     changes = {"joints.base": "floating"}
     if config.profile == "paper" and config.segmentation.criterion == AUTO and _by_e_max(config):
@@ -190,7 +192,7 @@ def _floating(config: Config) -> Config:
 
 def _by_e_max(config: Config) -> bool:
     """Whether nothing else says how long the segments are."""
-    from dlogen.config.schema import AUTO
+    from dlogen.config.fields import AUTO
 
     wish = config.segmentation
     return all(value == AUTO for value in (wish.segments, wish.segment_length))
@@ -248,6 +250,7 @@ def _write(made: Assembled, out: Path, *, in_time: bool) -> None:
 
 def tell(motion: Motion, console: Console) -> None:
     """The outcome in a few lines for people."""
+    from dlogen.sequence.reasons import MOTION
     from dlogen.types.texts import counted
 
     common = motion.common
@@ -264,7 +267,7 @@ def tell(motion: Motion, console: Console) -> None:
     )
     _tell_some([f"{doubt.message} [{doubt.code}]" for doubt in common.doubts], console)
     _tell_some(_set_aside(motion), console)
-    if any(code == "motion" and len(run) >= _PART for code, _, run in _runs(motion)):
+    if any(code == MOTION.code and len(run) >= _PART for code, _, run in _runs(motion)):
         console.hint("if the recording has a cut, or its object was moved meanwhile, give the parts one by one")
     if common.deviation[worst] > common.e_max:
         console.warning("the segments are too long to follow the tightest bends within e_max")

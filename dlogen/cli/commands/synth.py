@@ -36,12 +36,6 @@ SHAPES: dict[str, tuple[str, ...]] = {
 #: Options that a camera decides itself.
 _WITHOUT_CAMERA = ("points", "noise", "stray", "gaps", "density_ratio", "side", "caps", "offset")
 
-#: Smallest radius of curvature of a random line unless it is given, metres.
-_BEND_RADIUS = 0.1
-
-#: Random lines longer than this many bend radii run into themselves all too often.
-_BENDS = 14.0
-
 _EXAMPLES = """Examples:
 
 \b
@@ -174,6 +168,7 @@ def command(
     _refuse_contradictions(shape, centre_line, output, camera, as_json)
 
     from dlogen.io.atomic import refuse_existing, write_all
+    from dlogen.types.texts import millimetres
 
     to_stdout = output == "-"
     cloud_path = Path("cloud.ply" if to_stdout else output)
@@ -222,8 +217,8 @@ def command(
         bend = 1.0 / max(line.max_curvature(), 1e-12)
     if bend < diameter / 2:
         console.warning(
-            f"no such tube exists: the axis bends to a radius of {1e3 * bend:.3g} mm, the tube's own radius is "
-            f"{500 * diameter:.3g} mm"
+            f"no such tube exists: the axis bends to a radius of {millimetres(bend)}, the tube's own radius is "
+            f"{millimetres(diameter / 2)}"
         )
     if to_stdout:
         sys.stdout.buffer.write(contents[cloud_path])
@@ -299,23 +294,10 @@ def _as_usage_error(hint: str) -> Iterator[None]:
 def _shape(
     shape: str, rng: np.random.Generator, diameter: float, length: float | None, bend_radius: float | None
 ) -> CentreLine:
-    """The centre line of a shape; strands that pass each other have 1.05 diameters between their axes."""
-    from dlogen.evaluation import shapes
+    from dlogen.evaluation.shapes import shape_by_name
 
-    if shape in shapes.TABLE_I:
-        return shapes.centre_line(shape)
-    size: dict[str, Any] = {} if length is None else {"length": length}
-    bend: dict[str, Any] = {} if bend_radius is None else {"min_bend_radius": bend_radius}
     with _as_usage_error("choose another --length, --bend-radius, --diameter or --seed"):
-        if shape == "loop":
-            return shapes.loop_centre_line(**size, separation=1.05 * diameter)
-        if shape == "coil":
-            return shapes.coil_centre_line(**size, separation=1.05 * diameter)
-        if shape == "hose":
-            return shapes.hose_centre_line(**size, **bend)
-        bend_radius = bend_radius or max(_BEND_RADIUS, (length or 0.0) / _BENDS)
-        clearance = min(1.5 * diameter, bend_radius)
-        return shapes.random_centre_line(rng, **size, min_bend_radius=bend_radius, clearance=clearance)
+        return shape_by_name(shape, rng, diameter=diameter, length=length, bend_radius=bend_radius)
 
 
 def _read_line(source: str) -> CentreLine:

@@ -19,14 +19,15 @@ from dlogen.io.curves.table import is_table, read_table
 from dlogen.io.registry import cloud_formats
 from dlogen.io.report import CHAIN_SCHEMA
 from dlogen.types import Array
+from dlogen.types.short_repr import ShortRepr
 from dlogen.types.texts import counted
 
 #: Numbers beyond this are no metres on Earth, and their squares would not fit into a float.
 _FARTHEST = 1e9
 
 
-@dataclass(frozen=True, eq=False)
-class Curve:
+@dataclass(frozen=True, eq=False, repr=False)
+class Curve(ShortRepr):
     """A polyline that was read from a file.
 
     Attributes:

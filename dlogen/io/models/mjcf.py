@@ -40,7 +40,7 @@ _OF_DAMPING = 1.4
 
 def write(result: Result, stem: str) -> dict[str, bytes]:
     """One file, `stem.xml`."""
-    from dlogen.multibody.model import multibody
+    from dlogen.multibody.build import multibody
 
     return {f"{stem}.xml": mjcf(multibody(result, stem)).encode()}
 

@@ -58,7 +58,7 @@ def files(stem: str) -> tuple[str, ...]:
 def write(result: Result, stem: str) -> dict[str, bytes]:
     """A folder `stem_description`. Its URDF is the one that the format `urdf` writes."""
     from dlogen._version import __version__
-    from dlogen.multibody.model import multibody
+    from dlogen.multibody.build import multibody
 
     package = package_name(stem)
     model = multibody(result, stem)

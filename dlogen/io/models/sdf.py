@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def write(result: Result, stem: str) -> dict[str, bytes]:
     """One file, `stem.sdf`."""
-    from dlogen.multibody.model import multibody
+    from dlogen.multibody.build import multibody
 
     return {f"{stem}.sdf": sdf(multibody(result, stem)).encode()}
 

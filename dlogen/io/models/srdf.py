@@ -20,7 +20,7 @@ GROUP = "chain"
 
 def write(result: Result, stem: str) -> dict[str, bytes]:
     """One file, `stem.srdf`. Its model has the name that the URDF of the same stem has, as MoveIt wants it."""
-    from dlogen.multibody.model import multibody
+    from dlogen.multibody.build import multibody
 
     return {f"{stem}.srdf": srdf(multibody(result, stem)).encode()}
 

@@ -30,7 +30,7 @@ _KEEP_FRAMES = ('<mujoco><compiler fusestatic="false"/></mujoco>',)
 
 def write(result: Result, stem: str) -> dict[str, bytes]:
     """One file, `stem.urdf`."""
-    from dlogen.multibody.model import multibody
+    from dlogen.multibody.build import multibody
 
     return {f"{stem}.urdf": urdf(multibody(result, stem)).encode()}
 

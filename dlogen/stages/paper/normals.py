@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dlogen.config.fields import AUTO
-from dlogen.config.schema import Normals
+from dlogen.config.sections import Normals
 from dlogen.errors import ConfigError
 from dlogen.geometry.vectors import dots
 from dlogen.types import Array, Cloud

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from dlogen.config.defaults import N_PER_TAU, PAPER_SIZE
 from dlogen.errors import FitError
 from dlogen.geometry.arc_length import arc_length
 from dlogen.geometry.basis import InverseQuadratic
 from dlogen.types import Array, Basis, Skeleton
-
-#: The paper's N (IV.B).
-PAPER_SIZE = 21
 
 #: Candidates for `beta: auto`.
 _BETAS = np.logspace(-8, 2, 61)
@@ -19,7 +17,7 @@ _BETAS = np.logspace(-8, 2, 61)
 def paper_basis(size: int | None = None, tau: float | None = None) -> InverseQuadratic:
     """The basis of Eq. 8 with the paper's N = 21 and tau = N / 4 (IV.B prints "k = N/4") unless given."""
     size = size or PAPER_SIZE
-    return InverseQuadratic(size, tau if tau is not None else size / 4.0)
+    return InverseQuadratic(size, tau if tau is not None else size / N_PER_TAU)
 
 
 def choose_beta(basis: Basis, points: Array, s: Array) -> float:

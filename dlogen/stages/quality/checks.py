@@ -12,9 +12,21 @@ from dlogen.config.schema import Config
 from dlogen.errors import FitError
 from dlogen.geometry.curvature import curvature
 from dlogen.geometry.sampling import spatial_sample
-from dlogen.stages.quality.place import finding_at
+from dlogen.stages.quality.findings import (
+    BEND_TIGHTER_THAN_RADIUS,
+    DEVIATION_ABOVE_E_MAX,
+    GAP,
+    POINTS_NOT_REACHED,
+    POINTS_OFF_THE_TUBE,
+    RADIUS_MISMATCH,
+    RADIUS_UNKNOWN,
+    RADIUS_VARIES,
+    SETTINGS_NOT_USED,
+    UNITS,
+)
 from dlogen.stages.scale import Scale
 from dlogen.types import Array, BoolArray, Finding, Segmentation, Skeleton
+from dlogen.types.texts import millimetres
 
 #: Nobody scans cables of this many metres in one cloud.
 _LONGEST = 50.0
@@ -53,17 +65,16 @@ def check_line(
     kappa, s_kappa = max_curvature
     if kappa * radius > 1.0:
         text = (
-            f"the line bends with a radius of {1e3 / kappa:.3g} mm, tighter than the object's own {1e3 * radius:.3g} mm"
+            f"the line bends with a radius of {1e3 / kappa:.3g} mm, tighter than the object's own {millimetres(radius)}"
         )
-        findings.append(finding_at(line, "bend-tighter-than-radius", text, "bad", s_kappa))
+        findings.append(BEND_TIGHTER_THAN_RADIUS.at(line, s_kappa, text))
     # Strays are far from the line; points near it but not on the surface say that there is no tube of this radius.
     near = distance < 2.5 * radius
     off = float(np.mean(~on_tube[near])) if near.any() else 1.0
     if off > 0.1:
         findings.append(
-            Finding(
-                "points-off-the-tube",
-                f"{100 * off:.0f} % of the points around the line are not on a tube of radius {1e3 * radius:.3g} mm: "
+            POINTS_OFF_THE_TUBE.found(
+                f"{100 * off:.0f} % of the points around the line are not on a tube of radius {millimetres(radius)}: "
                 "the cloud is something else, or the fit failed",
                 "bad" if off > 0.3 else "doubtful",
             )
@@ -71,19 +82,14 @@ def check_line(
     median = float(np.median(distance[near])) if near.any() else 0.0
     if abs(median - radius) > 0.2 * radius:
         findings.append(
-            Finding(
-                "radius-mismatch",
-                f"the points are {1e3 * median:.3g} mm from the line (median), but the radius is {1e3 * radius:.3g} mm",
-                "doubtful",
+            RADIUS_MISMATCH.found(
+                f"the points are {millimetres(median)} from the line (median), but the radius is {millimetres(radius)}"
             )
         )
     if line.length > _LONGEST:
-        findings.append(
-            Finding("units", f"the object is {line.length:.0f} m long: set units (mm, cm) if it is not", "doubtful")
-        )
+        findings.append(UNITS.found(f"the object is {line.length:.0f} m long: set units (mm, cm) if it is not"))
     if line.length < _SHORTEST:
-        message = f"the object is only {1e3 * line.length:.2g} mm long: check units"
-        findings.append(Finding("units", message, "doubtful"))
+        findings.append(UNITS.found(f"the object is only {1e3 * line.length:.2g} mm long: check units"))
     return findings
 
 
@@ -95,13 +101,13 @@ def check_radius(radius: float | None, free: Scale) -> list[Finding]:
         free: the scale of the cloud, estimated without it.
     """
     if radius is None:
-        message = f"the cross-sections do not agree on a radius; {1e3 * free.radius:.3g} mm is a guess: give r"
-        return [] if free.radius_reliable else [Finding("radius-unknown", message, "doubtful")]
+        message = f"the cross-sections do not agree on a radius; {millimetres(free.radius)} is a guess: give r"
+        return [] if free.radius_reliable else [RADIUS_UNKNOWN.found(message)]
     # The estimate is as uncertain as the noise is large.
     if not free.radius_reliable or abs(free.radius - radius) <= max(_CONTRADICTED * radius, free.noise):
         return []
-    message = f"r = {1e3 * radius:.3g} mm was given, but the cross-sections have a radius of {1e3 * free.radius:.3g} mm"
-    return [Finding("radius-mismatch", message, "doubtful")]
+    message = f"r = {millimetres(radius)} was given, but the cross-sections have a radius of {millimetres(free.radius)}"
+    return [RADIUS_MISMATCH.found(message)]
 
 
 def check_radius_along(line: Skeleton, radius: float, s: Array, distance: Array) -> list[Finding]:
@@ -129,9 +135,9 @@ def check_radius_along(line: Skeleton, radius: float, s: Array, distance: Array)
     if abs(medians[worst] - usual) <= _UNEVEN * usual:
         return []
     text = (
-        f"the radius is not the same everywhere: {1e3 * medians[worst]:.3g} mm here, {1e3 * radius:.3g} mm in the model"
+        f"the radius is not the same everywhere: {millimetres(medians[worst])} here, {millimetres(radius)} in the model"
     )
-    return [finding_at(line, "radius-varies", text, "doubtful", (worst + 0.5) / _STRETCHES)]
+    return [RADIUS_VARIES.at(line, (worst + 0.5) / _STRETCHES, text)]
 
 
 def check_bends(line: Skeleton, radius: float, s: Array) -> list[Finding]:
@@ -158,7 +164,7 @@ def check_bends(line: Skeleton, radius: float, s: Array) -> list[Finding]:
     worst = guessed[np.argmax(turn[guessed])]
     angle = np.degrees(turn[worst])
     text = f"hardly any points are on the tube where it turns by {angle:.0f} degrees: the bend is a guess"
-    return [finding_at(line, "gap", text, "doubtful", (worst + 1.0) / pieces)]
+    return [GAP.at(line, (worst + 1.0) / pieces, text, "doubtful")]
 
 
 def check_followed(points: Array, backbone: Array, distance: Array, radius: float) -> list[Finding]:
@@ -178,7 +184,7 @@ def check_followed(points: Array, backbone: Array, distance: Array, radius: floa
     if share <= 0.02:
         return []
     message = f"the line misses {100 * share:.0f} % of the points along the object"
-    return [Finding("points-not-reached", message, "bad" if share > 0.15 else "doubtful")]
+    return [POINTS_NOT_REACHED.found(message, "bad" if share > 0.15 else "doubtful")]
 
 
 def on_surface(distance: Array, radius: float) -> BoolArray:
@@ -209,7 +215,7 @@ def check_deviation(line: Skeleton, segmentation: Segmentation, e_max: float) ->
         f"the chain is {1e3 * segmentation.deviation:.2f} mm off the skeleton line, more than e_max = "
         f"{1e3 * e_max:.2f} mm"
     )
-    return [finding_at(line, "deviation-above-e_max", message, "doubtful", segmentation.deviation_s)]
+    return [DEVIATION_ABOVE_E_MAX.at(line, segmentation.deviation_s, message)]
 
 
 def check_settings_used(config: Config, unused: Sequence[str]) -> list[Finding]:
@@ -223,12 +229,12 @@ def check_settings_used(config: Config, unused: Sequence[str]) -> list[Finding]:
     if not set_by_user:
         return []
     message = f"settings of profile paper only, which this fit did not use: {', '.join(set_by_user)}"
-    return [Finding("settings-not-used", message, "note")]
+    return [SETTINGS_NOT_USED.found(message)]
 
 
 def explained(error: FitError, findings: Iterable[Finding]) -> FitError:
     """What was wrong before, if anything was: a line through what is no line fails later, in ways that say little."""
-    bad = next((finding for finding in findings if finding.severity == "bad"), None)
+    bad = next((finding for finding in findings if finding.is_bad), None)
     if bad is None:
         return error
     return FitError(

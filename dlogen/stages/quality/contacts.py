@@ -8,7 +8,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dlogen.geometry.polyline import arc_lengths
+from dlogen.stages.quality.findings import BRANCH, CROSSING, SIDE_BY_SIDE
 from dlogen.types import Array, Finding, IntArray
+from dlogen.types.texts import millimetres
 
 #: Axes that come nearer to each other than this, in radii, are in contact: those of tubes that touch are two apart.
 _TOUCH = 2.7
@@ -97,15 +99,16 @@ def check_contacts(line: Array, backbone: Array, radius: float) -> list[Finding]
         at, place = contact.s, contact.position
         if contact.distance < _MERGED * radius:
             message = "strands run into one another: the object branches here, or is badly resolved"
-            findings.append(Finding("branch", message, "bad", at, place))
+            findings.append(BRANCH.found(message, s=at, position=place))
         elif contact.run > _SIDE_BY_SIDE * radius:
-            message = f"two strands run side by side for {1e3 * contact.run:.3g} mm: they may have been mixed up"
-            findings.append(Finding("side-by-side", message, "doubtful", at, place))
+            message = f"two strands run side by side for {millimetres(contact.run)}: they may have been mixed up"
+            findings.append(SIDE_BY_SIDE.found(message, s=at, position=place))
         elif mixed or contact.distance < _OVERLAP * radius:
-            findings.append(Finding("crossing", _MIXED_UP, "doubtful", at, place))
+            findings.append(CROSSING.found(_MIXED_UP, "doubtful", s=at, position=place))
         else:
-            findings.append(Finding("crossing", "the object crosses or touches itself", "note", at, place))
-    findings += [Finding("crossing", _MIXED_UP, "doubtful", rough.s, rough.position) for rough in unsure]
+            message = "the object crosses or touches itself"
+            findings.append(CROSSING.found(message, "note", s=at, position=place))
+    findings += [CROSSING.found(_MIXED_UP, "doubtful", s=rough.s, position=rough.position) for rough in unsure]
     return findings
 
 

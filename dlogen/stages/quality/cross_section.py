@@ -7,6 +7,7 @@ import numpy as np
 from dlogen.geometry.parallel_transport import minimal_rotation_frames
 from dlogen.geometry.sampling import spatial_sample
 from dlogen.geometry.vectors import unit
+from dlogen.stages.quality.findings import SIDE_BY_SIDE
 from dlogen.types import Array, Finding, IntArray, Skeleton
 
 #: Points, stretches of the line and sectors around it that show the shape of the cross-section; the points that a
@@ -56,7 +57,7 @@ def check_cross_section(points: Array, s: Array, residual: Array, line: Skeleton
     if len(known) < 0.5 * _PROFILES or sum(odd) < _ODD_SHARE * len(known):
         return []
     message = "the cross-sections are not those of one round object: two strands may lie side by side"
-    return [Finding("side-by-side", message, "doubtful")]
+    return [SIDE_BY_SIDE.found(message)]
 
 
 def _shape(counts: IntArray, medians: Array, off: Array) -> tuple[float, float] | None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from dlogen.geometry.parallel_transport import minimal_rotation_frames
-from dlogen.geometry.vectors import as_place, unit
+from dlogen.geometry.vectors import unit
+from dlogen.stages.quality.findings import END_CUT_OFF
 from dlogen.types import Array, BoolArray, Finding, Skeleton
 
 #: Sectors of the circumference, and radii of length that are looked at.
@@ -35,7 +36,7 @@ def cut_ends(points: Array, s: Array, on_tube: BoolArray, line: Skeleton, radius
     findings = []
     for end, name in ((0.0, "first"), (1.0, "last")):
         # Feet are clipped to the line; beyond its end the distance along its tangent counts.
-        tip, tangent = line(end)[0], line(end, 1)[0]
+        tip, tangent = line(end), line(end, 1)
         tangent = unit(tangent) * (1.0 if end == 1.0 else -1.0)
         near = on_tube & (np.abs(s - end) * line.length < _REACH * radius)
         if np.count_nonzero(near) < _FEWEST * _SECTORS:
@@ -50,7 +51,7 @@ def cut_ends(points: Array, s: Array, on_tube: BoolArray, line: Skeleton, radius
             message = (
                 f"the {name} end is cut off at {angle:.0f} degrees to the cross-section: the object may go on there"
             )
-            findings.append(Finding("end-cut-off", message, "doubtful", end, as_place(tip)))
+            findings.append(END_CUT_OFF.at(line, end, message))
     return findings
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dlogen.geometry.vectors import unit
-from dlogen.stages.quality.place import finding_at
+from dlogen.stages.quality.findings import CLOSED_RING, GAP, POINTS_NOT_REACHED
 from dlogen.types import Array, BoolArray, Finding, Skeleton
 
 
@@ -23,8 +23,7 @@ def check_walk(line: Skeleton, radius: float, s: Array, on_tube: BoolArray, unre
     share = unreached / len(s)
     if share > 0.02:
         findings.append(
-            Finding(
-                "points-not-reached",
+            POINTS_NOT_REACHED.found(
                 f"{100 * share:.0f} % of the points were not reached along the object: strays, a branch, a gap "
                 "or a second object",
                 "bad" if share > 0.15 else "doubtful",
@@ -43,12 +42,11 @@ def _gaps(line: Skeleton, radius: float, s: Array) -> list[Finding]:
     expected = (np.log(len(s)) + 6.0) * max(float(np.median(steps)) / np.log(2.0), 1.0 / len(s))
     wide = np.flatnonzero(steps > max(expected, 2.0 * radius / line.length))
     return [
-        finding_at(
+        GAP.at(
             line,
-            "gap",
+            float(0.5 * (order[i] + order[i + 1])),
             f"no points over {1e3 * steps[i] * line.length:.0f} mm of the length: the line is a guess there",
             "doubtful",
-            float(0.5 * (order[i] + order[i + 1])),
         )
         for i in wide
     ]
@@ -60,5 +58,5 @@ def _closed(line: Skeleton, radius: float) -> list[Finding]:
     tangents = unit(line(np.array([0.0, 1.0]), 1))
     gap = float(np.linalg.norm(ends[1] - ends[0]))
     if gap < max(3.0 * radius, 0.02 * line.length) and tangents[0] @ tangents[1] > 0.5 and line.length > 10.0 * radius:
-        return [finding_at(line, "closed-ring", "the ends meet: a closed ring has no first and last joint", "bad", 0.0)]
+        return [CLOSED_RING.at(line, 0.0, "the ends meet: a closed ring has no first and last joint", "bad")]
     return []

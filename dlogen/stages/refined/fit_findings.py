@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dlogen.stages.quality.findings import GAP, NOISE
 from dlogen.stages.refined.ordering import Ordering
 from dlogen.stages.refined.refine import Refined
 from dlogen.types import Finding
+from dlogen.types.texts import millimetres
 
 #: A gap below this share of the length is bridged without doubt.
 _SMALL_GAP = 0.05
@@ -20,14 +22,14 @@ def fit_findings(ordering: Ordering, fitted: Refined) -> tuple[Finding, ...]:
         ordering: of the cloud.
         fitted: the fit that started from it.
     """
-    findings = [finding for finding in ordering.findings if finding.code != "gap"]
+    findings = [finding for finding in ordering.findings if not GAP.matches(finding)]
     return (*findings, *_gaps(ordering, fitted), *fitted.findings)
 
 
 def _gaps(ordering: Ordering, fitted: Refined) -> list[Finding]:
     line, radius = fitted.skeleton, fitted.radius
     findings = []
-    bridged = [finding for finding in ordering.findings if finding.code == "gap"]
+    bridged = [finding for finding in ordering.findings if GAP.matches(finding)]
     # Short ones must have been noticed by the ordering as well.
     for start, end in fitted.gaps:
         middle, length = 0.5 * (start + end), (end - start) * line.length
@@ -35,24 +37,11 @@ def _gaps(ordering: Ordering, fitted: Refined) -> list[Finding]:
         bridged = [item for item in bridged if item not in seen]
         crossed = any(join.s[0] < end and start < join.s[1] for join in ordering.joins)
         if seen or crossed or length > 4.0 * radius:
-            doubt = any(item.severity != "note" for item in seen) or end - start > _SMALL_GAP
-            x, y, z = (float(value) for value in line(middle)[0])
-            findings.append(
-                Finding(
-                    "gap",
-                    f"no points over {1e3 * length:.3g} mm ({100 * (end - start):.1f} % of the length): bridged",
-                    "doubtful" if doubt else "note",
-                    middle,
-                    (x, y, z),
-                )
-            )
+            doubt = any(not item.is_note for item in seen) or end - start > _SMALL_GAP
+            message = f"no points over {millimetres(length)} ({100 * (end - start):.1f} % of the length): bridged"
+            findings.append(GAP.at(line, middle, message, "doubtful" if doubt else "note"))
     share = fitted.noise / radius
     if share > _NOTED:
-        findings.append(
-            Finding(
-                "noise",
-                f"the points scatter by {1e3 * fitted.noise:.2g} mm, {100 * share:.0f} % of the radius",
-                "doubtful" if share > _NOISY else "note",
-            )
-        )
+        message = f"the points scatter by {1e3 * fitted.noise:.2g} mm, {100 * share:.0f} % of the radius"
+        findings.append(NOISE.found(message, "doubtful" if share > _NOISY else "note"))
     return [*findings, *bridged]

@@ -21,6 +21,7 @@ from dlogen.stages.quality.checks import (
 from dlogen.stages.quality.contacts import check_contacts
 from dlogen.stages.quality.cross_section import check_cross_section
 from dlogen.stages.quality.cut_ends import cut_ends
+from dlogen.stages.quality.findings import CLOSED_RING, SIDE_BY_SIDE
 from dlogen.stages.refined.fit_findings import fit_findings
 from dlogen.stages.refined.ordering import order
 from dlogen.stages.refined.refine import refine
@@ -75,9 +76,9 @@ def refined_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:
         fitted.inliers,
     )
     along = np.flatnonzero(on_tube)[np.argsort(s[on_tube], kind="stable")]
-    oval = any(item.code == "side-by-side" for item in ordering.findings)
+    oval = any(SIDE_BY_SIDE.matches(item) for item in ordering.findings)
     # The two ends of a ring overlap.
-    ring = any(item.code == "closed-ring" and item.severity == "bad" for item in ordering.findings)
+    ring = any(CLOSED_RING.matches(item) and item.is_bad for item in ordering.findings)
     even = skeleton(even_parameters(skeleton, round(skeleton.length / radius) + 1))
     return FittedLine(
         skeleton,

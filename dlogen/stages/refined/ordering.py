@@ -17,6 +17,17 @@ from dlogen.geometry.polyline import arc_lengths, resample, segment_lengths
 from dlogen.geometry.runs import runs
 from dlogen.geometry.sampling import middle, spatial_sample
 from dlogen.geometry.vectors import as_place
+from dlogen.stages.quality.findings import (
+    BRANCH,
+    CLOSED_RING,
+    CROSSING,
+    GAP,
+    NOT_A_LINE,
+    SEVERAL_OBJECTS,
+    SIDE_BY_SIDE,
+    STRAY_POINTS,
+    TOO_FEW_POINTS,
+)
 from dlogen.stages.refined.beads import string_beads
 from dlogen.stages.refined.branches import cut_at_junctions, trace_pieces
 from dlogen.stages.refined.joins import Join, bending_cost, bridge, chains, join_pieces
@@ -176,7 +187,7 @@ def _beads(points: Array, radius: float | None) -> Ordering:
     typical = float(np.median(steps))
     s = arc_lengths(line) / steps.sum()
     message = f"only {len(beads)} points: they show an order, but no radius"
-    findings = [Finding("too-few-points", message)]
+    findings = [TOO_FEW_POINTS.found(message)]
     joins = []
     for i in np.flatnonzero(steps > 4.0 * typical):
         middle = as_place(0.5 * (line[i] + line[i + 1]))
@@ -290,22 +301,22 @@ def _about_cloud(
     stray = 1.0 - float(near.mean())
     if estimated and scale.line_share < _LINE_SHARE:
         message = "the cloud is longer than wide in few places only: it is not that of a line alone"
-        findings.append(Finding("not-a-line", message, "bad"))
+        findings.append(NOT_A_LINE.found(message))
     elif stray > 0.4:
         message = f"{stray:.0%} of the points do not lie around the line that was found"
-        findings.append(Finding("not-a-line", message, "bad"))
+        findings.append(NOT_A_LINE.found(message))
     elif stray > 0.01:
         message = f"{stray:.1%} of the points do not lie around the line and were left out"
-        findings.append(Finding("stray-points", message, "note" if stray < 0.25 else "doubtful"))
+        findings.append(STRAY_POINTS.found(message, "note" if stray < 0.25 else "doubtful"))
     if line.length < _SHORTEST_LINE * r:
         message = f"the object is only {line.length / (2 * r):.1f} diameters long: it is hardly a line"
-        findings.append(Finding("not-a-line", message, "bad"))
+        findings.append(NOT_A_LINE.found(message))
     if estimated and not scale.round:
         message = "the cross-sections are not round: strands may lie side by side; give r to tell them apart"
-        findings.append(Finding("side-by-side", message, "doubtful"))
+        findings.append(SIDE_BY_SIDE.found(message))
     if per_radius < 1.5:
         message = f"only {per_radius:.1f} points for each radius of length: the order is uncertain"
-        findings.append(Finding("too-few-points", message))
+        findings.append(TOO_FEW_POINTS.found(message))
     return findings
 
 
@@ -323,10 +334,10 @@ def _about_rest(others: list[_Line], line: _Line, r: float, origin: Array) -> li
         if distance[nearest] < _BRANCH * r:
             place = as_place(line.points[index[nearest]] + origin)
             s = float(index[nearest] / (len(line.points) - 1))
-            findings.append(Finding("branch", f"a branch leaves the line, {what}", "bad", s, place))
+            findings.append(BRANCH.found(f"a branch leaves the line, {what}", s=s, position=place))
         else:
             place = as_place(other.points[len(other.points) // 2] + origin)
-            findings.append(Finding("several-objects", f"another object is in the cloud, {what}", "bad", None, place))
+            findings.append(SEVERAL_OBJECTS.found(f"another object is in the cloud, {what}", position=place))
     return findings
 
 
@@ -339,12 +350,12 @@ def _about_ends(line: _Line, r: float, origin: Array) -> list[Finding]:
     cost = bending_cost(*parabola(line.points, 1.5 * r, r), *parabola(line.points[::-1], 1.5 * r, r), r)
     place = as_place(0.5 * (first + last) + origin)
     if gap < 4.0 * r and cost < 0.8:
-        return [Finding("closed-ring", "the object is a closed ring: it has no ends", "bad", 0.0, place)]
+        return [CLOSED_RING.found("the object is a closed ring: it has no ends", "bad", s=0.0, position=place)]
     # The ends of an object that is folded in two lie side by side and point the same way.
     folded = float(end_direction(line.points, r) @ end_direction(line.points[::-1], r)) > 0.5
     if (gap < 4.0 * r and not folded) or cost < 0.3:
         message = f"the two ends face each other {millimetres(gap)} apart: it may be a ring with a gap"
-        return [Finding("closed-ring", message, "doubtful", 0.0, place)]
+        return [CLOSED_RING.found(message, "doubtful", s=0.0, position=place)]
     return []
 
 
@@ -355,7 +366,7 @@ def _about_bridges(bridges: list[Bridge], line: _Line, r: float, origin: Array) 
         share = item.gap / line.length
         if item.certainty < 0.5:
             message = "strands meet here, and which of them belong together is not certain"
-            findings.append(Finding("crossing", message, "doubtful", s, place))
+            findings.append(CROSSING.found(message, "doubtful", s=s, position=place))
         density = min(line.densities[number][1], line.densities[number + 1][0])
         # A hole where fifteen points were due is none by chance.
         if item.kind == "gap" and item.gap > 2.0 * r and item.gap * density > 15.0:
@@ -366,5 +377,5 @@ def _about_bridges(bridges: list[Bridge], line: _Line, r: float, origin: Array) 
 def _gap_finding(gap: float, share: float, s: float, place: tuple[float, float, float], cost: float = 0.0) -> Finding:
     message = f"no points for {millimetres(gap)} ({share:.1%} of the length); the gap was bridged"
     if share > _LARGE_GAP:
-        return Finding("gap", f"{message}, but these may be two objects", "bad", s, place)
-    return Finding("gap", message, "note" if share < _SMALL_GAP and cost < 0.6 else "doubtful", s, place)
+        return GAP.found(f"{message}, but these may be two objects", "bad", s=s, position=place)
+    return GAP.found(message, "note" if share < _SMALL_GAP and cost < 0.6 else "doubtful", s=s, position=place)

@@ -15,12 +15,12 @@ from scipy.spatial import cKDTree
 
 from dlogen.errors import FitError
 from dlogen.geometry.basis import CubicBSpline
-from dlogen.geometry.curvature import curvature_of
 from dlogen.geometry.sampling import spatial_sample
-from dlogen.geometry.vectors import as_place, unit
+from dlogen.stages.quality.findings import CURVATURE_UNCERTAIN, RADIUS_UNKNOWN
 from dlogen.stages.refined.ends import find_ends, find_gaps
+from dlogen.stages.refined.output_curve import curvature_std, output_curve, sharpest_bend, sufficient_spacing
 from dlogen.stages.refined.tube import Tube, expected_distance
-from dlogen.stages.refined.tube_curve import TubeCurve, arc_at, arc_table, from_polyline, reparametrised
+from dlogen.stages.refined.tube_curve import arc_at, arc_table, from_polyline, reparametrised
 from dlogen.stages.refined.tube_fit import LEAST_FLOOR, all_points, gauss_newton
 from dlogen.types import Array, BoolArray, Finding, IntArray, Skeleton
 
@@ -54,14 +54,6 @@ _RADIUS_KNOWN = 0.02
 #: length) below which a line is straight, so that it does not matter.
 _BEND_KNOWN, _STRAIGHT = 0.25, 0.2
 
-#: Deviation of the output's basis functions from the fitted curve, in radii, and of its curvature, relative.
-_DEVIATION, _BEND_DEVIATION = 1e-4, 0.01
-
-#: Places in every interval where the curvature is looked at.
-_CURVATURES = 6
-
-#: Deviation of the output's parameter from arc length, relative to the length.
-_UNEVEN = 5e-5
 
 #: An end is so many radii long where it is compared with other strands; those are this far from it along the curve.
 _END, _ELSEWHERE = 6.0, 12.0
@@ -238,18 +230,8 @@ def _knot_spacing(tube: Tube) -> float:
     # What is shorter than the smoothing leaves over needs no knots of its own.
     density = 0.5 * np.count_nonzero(tube.on_curve) / tube.curve.length
     left_over = (tube.smoothing / density) ** (1.0 / 6.0) if tube.smoothing else 0.0
-    enough = 0.7 * _sufficient_spacing(tube.curve, tube.radius)
+    enough = 0.7 * sufficient_spacing(tube.curve, tube.radius)
     return max(_FINE * tube.radius, _KNOTS * left_over, min(enough, _COARSE * tube.radius))
-
-
-def _sufficient_spacing(curve: TubeCurve, radius: float) -> float:
-    """Distance of knots with which a spline follows a curve, metres."""
-    # With knots H apart a cubic spline is off by about D H^4 / 384, and its second derivative by D H^2 / 12, where D
-    # is the fourth derivative; that shows in the fourth differences of the coefficients.
-    fourth = float(np.linalg.norm(np.diff(curve.coefficients, 4, axis=0), axis=1).max()) / curve.step**4
-    fourth = max(fourth, 1e-12 / radius**3)
-    bend = float(curve.curvature(np.array([0.5])).max())
-    return min((384.0 * _DEVIATION * radius / fourth) ** 0.25, (12.0 * _BEND_DEVIATION * bend / fourth) ** 0.5)
 
 
 def _on_support(tube: Tube, margin: float, spacing: float, most: int) -> Tube:
@@ -313,12 +295,12 @@ def _result(tube: Tube, whole: Tube, shared: BoolArray, origin: Array, fixed_rad
     start, end = first.position, last.position
     if not end - start > 0.1 * radius:
         raise FitError("the line has no length", "check r and units", stage="refine")
-    fitted = _output(curve, start, end, radius)
+    fitted = output_curve(curve, start, end, radius)
     length = float(arc_table(fitted)[1][-1])
     skeleton = Skeleton(CubicBSpline(fitted.intervals + 3), fitted.coefficients, origin, length)
 
-    kappa, s_kappa = _max_curvature(fitted)
-    kappa_std = _curvature_std(tube, float(np.interp(start + s_kappa * (end - start), arc, grid)))
+    kappa, s_kappa = sharpest_bend(fitted)
+    kappa_std = curvature_std(tube, float(np.interp(start + s_kappa * (end - start), arc, grid)))
     if fixed_radius:
         radius_std = 0.0
     elif tube.solid or tube.solution is None:
@@ -351,45 +333,6 @@ def _result(tube: Tube, whole: Tube, shared: BoolArray, origin: Array, fixed_rad
     )
 
 
-def _output(curve: TubeCurve, start: float, end: float, radius: float) -> TubeCurve:
-    """The curve between two arc lengths, with as few intervals as follow it."""
-    spacing = _sufficient_spacing(curve, radius)
-    most = 2 * curve.intervals
-    intervals = int(np.clip(np.ceil((end - start) / max(spacing, 0.5 * curve.step)), 4, most))
-    while True:
-        moved = reparametrised(curve, intervals, start, end)
-        grid, arc, _ = arc_table(moved)
-        uneven = float(np.abs(arc / arc[-1] - grid / grid[-1]).max())
-        if uneven < _UNEVEN or intervals >= most:
-            return moved
-        intervals = min(2 * intervals, most)
-
-
-def _max_curvature(curve: TubeCurve) -> tuple[float, float]:
-    """The largest curvature, 1/m, and where it is, in [0, 1]."""
-    places = (np.arange(_CURVATURES) + 0.5) / _CURVATURES
-    best = int(np.argmax(curve.curvature(places)))
-    fine = np.clip((best + np.linspace(-0.5, 1.5, 41)) / _CURVATURES, 0.0, curve.intervals)
-    bend = curvature_of(curve(fine, 1), curve(fine, 2))
-    peak = int(np.argmax(bend))
-    return float(bend[peak]), float(fine[peak]) / curve.intervals
-
-
-def _curvature_std(tube: Tube, x: float) -> float:
-    """Standard deviation of the curvature at a place of the curve, from the posterior covariance."""
-    curve = tube.curve
-    if tube.solution is None:
-        return 0.0
-    k = min(int(x), curve.intervals - 1)
-    t = x - k
-    tangent, second = curve(np.array([x]), 1)[0], curve(np.array([x]), 2)[0]
-    normal = second - tangent * (tangent @ second) / (tangent @ tangent)
-    normal = unit(normal)
-    row = np.zeros((1, curve.coefficients.size))
-    row[0, 3 * k : 3 * k + 12] = np.outer([1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t], normal).ravel() / curve.step**2
-    return tube.sigma * float(np.sqrt(tube.solution.covariance(row)[0, 0]))
-
-
 def _findings(
     line: Skeleton,
     radius: float,
@@ -403,8 +346,8 @@ def _findings(
     findings = []
     if not known:
         spread = f"to {100.0 * radius_std / radius:.0f} % only" if np.isfinite(radius_std) else "at this noise"
-        findings.append(Finding("radius-unknown", f"the points do not tell the radius {spread}: give r"))
+        findings.append(RADIUS_UNKNOWN.found(f"the points do not tell the radius {spread}: give r"))
     if kappa_std > _BEND_KNOWN * kappa and kappa * line.length > _STRAIGHT:
         message = f"the sharpest bend, radius {1e3 / kappa:.0f} mm, is known to {100.0 * kappa_std / kappa:.0f} % only"
-        findings.append(Finding("curvature-uncertain", message, "note", s_kappa, as_place(line(s_kappa)[0])))
+        findings.append(CURVATURE_UNCERTAIN.at(line, s_kappa, message))
     return tuple(findings)

@@ -42,15 +42,15 @@ def place_joints(line: Skeleton, segment_length: float) -> Joints:
         )
     # No two points of the line are farther apart than it is long.
     search = _FirstCrossing(line, min(segment_length, 2.0 * line.length))
-    s, points = [0.0], [line(0.0)[0]]
-    end = line(1.0)[0]
+    s, points = [0.0], [line(0.0)]
+    end = line(1.0)
     while True:
         following = search(s[-1], points[-1])
         # What is left over by less than the tolerance is no segment.
         if following is None or 1.0 - following <= TOLERANCE / line.length:
             break
         s.append(following)
-        points.append(line(following)[0])
+        points.append(line(following))
     s.append(1.0)
     points.append(end)
     positions = np.array(points)
@@ -122,7 +122,7 @@ class _FirstCrossing:
 
     def _value(self, s: float, centre: Array) -> float:
         """g(s)."""
-        offset = self.line(s)[0] - centre
+        offset = self.line(s) - centre
         return float(offset @ offset) - self.radius**2
 
     def _root(self, low: float, high: float, value_low: float, value_high: float, centre: Array) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from dlogen.config.defaults import MIN_LAST, PLACEMENT, R_PER_E_MAX
 from dlogen.config.fields import AUTO, given
 from dlogen.config.schema import Config
 
@@ -23,11 +24,11 @@ class SegmentationSpec:
     """
 
     criterion: str = "fewest"
-    placement: str = "on-curve"
+    placement: str = PLACEMENT
     segments: int | None = None
     segment_length: float | None = None
     bend_radius: float | None = None
-    min_last: float = 0.5
+    min_last: float = MIN_LAST
     alternatives: bool = False
 
     @classmethod
@@ -57,4 +58,4 @@ def allowed_deviation(config: Config, radius: float) -> float:
         config: with `e_max`.
         radius: of the object, metres.
     """
-    return radius / 2.0 if config.e_max == AUTO else config.e_max
+    return radius / R_PER_E_MAX if config.e_max == AUTO else config.e_max

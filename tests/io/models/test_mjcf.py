@@ -13,7 +13,8 @@ from configured import configured
 from dlogen.config.presets import PRESETS
 from dlogen.errors import FitError
 from dlogen.io.models.mjcf import MOST_SEGMENTS, write
-from dlogen.multibody.model import MultibodyModel, multibody
+from dlogen.multibody.build import multibody
+from dlogen.multibody.model import MultibodyModel
 from dlogen.stages.chain import build_chain
 from dlogen.types import Joints, Result
 

@@ -11,7 +11,7 @@ from configured import configured
 from scipy.spatial.transform import Rotation
 
 from dlogen.io.models.sdf import write
-from dlogen.multibody.model import multibody
+from dlogen.multibody.build import multibody
 from dlogen.types import Result
 
 

@@ -10,7 +10,7 @@ from configured import configured
 
 from dlogen.io.models.srdf import write
 from dlogen.io.models.urdf import write as write_urdf
-from dlogen.multibody.model import multibody
+from dlogen.multibody.build import multibody
 from dlogen.types import Result
 
 

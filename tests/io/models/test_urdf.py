@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from dlogen.evaluation.shapes import centre_line, hose_centre_line, random_centre_line
 from dlogen.geometry.rotations import roll_pitch_yaw
 from dlogen.io.models.urdf import write
-from dlogen.multibody.model import multibody
+from dlogen.multibody.build import multibody
 from dlogen.stages.chain import build_chain
 from dlogen.stages.segmentation.joints import place_joints
 from dlogen.types import Result

@@ -124,7 +124,7 @@ class TestLine:
         assert finding.severity == "bad"
         # The printed curve folds at the peaks of its sine, s = 1/6, 1/2, 5/6.
         assert min(abs(finding.s - s) for s in (1 / 6, 1 / 2, 5 / 6)) < 0.01
-        assert np.array(finding.position) == pytest.approx(line(finding.s)[0])
+        assert np.array(finding.position) == pytest.approx(line(finding.s))
         assert "20 mm" in finding.message
 
     def test_a_cloud_that_is_no_tube(self, exact_line, tube) -> None:

@@ -32,7 +32,7 @@ def by_brute_force(line: Skeleton, length: float, samples: int = 20_001) -> np.n
     points = line(s)
     found, first = [0.0], 1
     while True:
-        centre = line(found[-1])[0]
+        centre = line(found[-1])
         outside = np.flatnonzero(np.linalg.norm(points[first:] - centre, axis=1) >= length)
         if len(outside) == 0:
             return np.array([*found, 1.0])
@@ -40,7 +40,7 @@ def by_brute_force(line: Skeleton, length: float, samples: int = 20_001) -> np.n
         low, high = max(s[first - 1], found[-1]), s[first]
         for _ in range(40):
             middle = 0.5 * (low + high)
-            if np.linalg.norm(line(middle)[0] - centre) >= length:
+            if np.linalg.norm(line(middle) - centre) >= length:
                 high = middle
             else:
                 low = middle

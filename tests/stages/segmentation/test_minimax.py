@@ -43,7 +43,7 @@ def test_s_is_the_nearest_place_in_order(found) -> None:
     for s, joint in zip(joints.s[1:-1], joints.positions[1:-1], strict=True):
         around = line(s + np.linspace(-0.02, 0.02, 401))
         distance = np.linalg.norm(around - joint, axis=1)
-        assert distance.min() >= np.linalg.norm(line(s)[0] - joint) * (1 - 1e-6) - 1e-12
+        assert distance.min() >= np.linalg.norm(line(s) - joint) * (1 - 1e-6) - 1e-12
         assert distance[200] <= e_max
 
 

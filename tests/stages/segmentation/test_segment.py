@@ -379,7 +379,7 @@ def test_a_wish_that_breaks_e_max_is_a_finding(tube) -> None:
     assert result.quality.verdict == "doubtful"
     assert finding.s is not None
     # It is at the place that is farthest from the chain.
-    worst = result.skeleton(finding.s)[0]
+    worst = result.skeleton(finding.s)
     assert finding.position == pytest.approx(worst, abs=1e-9)
     assert f"{1e3 * result.max_deviation:.2f} mm" in finding.message
 
@@ -398,4 +398,4 @@ def test_the_report_shows_all_criteria_side_by_side(tube) -> None:
     assert report["fewer"]["smallest_deviation"] > result.e_max
     # Alternatives are in the cloud's frame as well.
     for made in (result.segmentation, *result.segmentation.alternatives):
-        assert made.joints.positions[0] == pytest.approx(result.skeleton(0.0)[0], abs=1e-9)
+        assert made.joints.positions[0] == pytest.approx(result.skeleton(0.0), abs=1e-9)

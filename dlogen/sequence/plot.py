@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dlogen.geometry.vectors import dots
-from dlogen.io.plots import BLUE, GREEN, ORANGE, RED, canvas, png
+from dlogen.io.plots import BLUE, GREEN, ORANGE, RED, canvas, draw_allowed, label_views, legend, png, principal_axes
 from dlogen.sequence.trajectory import Motion
 from dlogen.types.texts import counted
 
@@ -73,12 +73,9 @@ def _draw_chains(axes: Axes, motion: Motion) -> None:
     clock, name = _clock(motion)
     posed = np.flatnonzero(motion.posed)
     joints = motion.common.joints[posed]
-    centre = joints.reshape(-1, 3).mean(axis=0)
-    main = np.linalg.svd(joints.reshape(-1, 3) - centre, full_matrices=False)[2]
+    centre, main = principal_axes(joints.reshape(-1, 3))
     seen = (joints - centre) @ main.T
-    unit, length = (1e3, "mm") if np.ptp(seen[..., 0]) < 1.0 else (1.0, "m")
-    # The second view stands below the first, a tenth of the width apart.
-    drop = seen[..., 1].min() - 0.1 * np.ptp(seen[..., 0]) - seen[..., 2].max()
+    unit, drop = label_views(axes, seen)
     colours = ScalarMappable(Normalize(clock[0], clock[-1]), colormaps["viridis"])
     good = motion.common.good[posed]
     shown = np.unique(np.linspace(0, len(posed) - 1, min(_DRAWN, len(posed))).round().astype(int))
@@ -91,10 +88,7 @@ def _draw_chains(axes: Axes, motion: Motion) -> None:
     if not good[shown].all():
         axes.plot([], [], color=RED, linestyle="--", label="set aside: from its neighbours")
     axes.plot([], [], "o", color="black", markersize=3.5, label="base")
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel(f"along the longest extent [{length}]; above from the front, below from the side")
-    axes.set_ylabel(f"[{length}]")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=9, frameon=False)
+    legend(axes, ncols=2)
     axes.figure.colorbar(colours, ax=axes, label=name, pad=0.01)
 
 
@@ -102,16 +96,13 @@ def _draw_errors(axes: Axes, motion: Motion) -> None:
     clock, name = _clock(motion)
     common = motion.common
     axes.plot(clock, 1e3 * common.deviation, ".-", color=BLUE, linewidth=1.0, markersize=4, label="deviation")
-    axes.axhline(1e3 * common.e_max, color=RED, linestyle="--", linewidth=1.2, label="e_max")
+    draw_allowed(axes, common.e_max, float(np.nanmax(common.deviation)))
     for code, (colour, mark) in _REASONS.items():
         at = [clock[k] for k, aside in enumerate(common.asides) if aside is not None and aside.code == code]
         if at:
             axes.plot(at, np.zeros(len(at)), mark, color=colour, markersize=7, label=code, clip_on=False, zorder=3)
-    axes.set_ylim(0.0, 1.25e3 * max(common.e_max, float(np.nanmax(common.deviation))))
     axes.set_xlabel(name)
-    axes.set_ylabel("skeleton line to chain [mm]")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, fontsize=9, frameon=False)
-    axes.grid(alpha=0.3)
+    legend(axes, ncols=4)
 
 
 def _draw_bends(axes: Axes, motion: Motion) -> None:

@@ -55,12 +55,14 @@ class CentreLine(ShortRepr):
         return t, np.concatenate([[0.0], np.cumsum(lengths)]), self._speed(t)
 
     def _speed(self, t: Array) -> Array:
-        return np.linalg.norm(self.curve(t, 1), axis=-1)
+        speed: Array = np.linalg.norm(self.curve(t, 1), axis=-1)
+        return speed
 
     def _arc(self, start: Array, end: Array) -> Array:
         """Arc length between parameters that lie in one panel: (K,), (K,) -> (K,)."""
         t = start[:, None] + (end - start)[:, None] * _NODES
-        return (self._speed(t.ravel()).reshape(t.shape) @ _WEIGHTS) * (end - start)
+        lengths: Array = (self._speed(t.ravel()).reshape(t.shape) @ _WEIGHTS) * (end - start)
+        return lengths
 
     @cached_property
     def length(self) -> float:
@@ -82,7 +84,8 @@ class CentreLine(ShortRepr):
         t = interpolated(knots, 1.0 / speed, i, width, u)
         for _ in range(2):
             t -= (arc[i] + self._arc(knots[i], t) - target) / self._speed(t)
-        return np.clip(t, 0.0, 1.0)
+        inside: Array = np.clip(t, 0.0, 1.0)
+        return inside
 
     def __call__(self, s: npt.ArrayLike) -> Array:
         """Points at the material coordinates s: (K,) -> (K, 3), metres."""
@@ -135,13 +138,14 @@ class CentreLine(ShortRepr):
         first, second = self.curve(t, 1), self.curve(t, 2)
         squared = dots(first, first)[:, None]
         along = dots(first, second)[:, None]
-        return (second - first * along / squared) / squared
+        vectors: Array = (second - first * along / squared) / squared
+        return vectors
 
     def moved(self, rotation: Array, translation: Array) -> CentreLine:
         """The line after a rigid motion x -> rotation x + translation: (3, 3) and (3,)."""
 
         def curve(t: Array, derivative: int) -> Array:
-            value = self.curve(t, derivative) @ np.asarray(rotation).T
+            value: Array = self.curve(t, derivative) @ np.asarray(rotation).T
             return value + translation if derivative == 0 else value
 
         return CentreLine(self.name, curve, self.knots, self.arc_length_parameter)
@@ -196,7 +200,8 @@ def from_tangent(name: str, length: float, tangent: Curve) -> CentreLine:
     def piece(start: Array, end: Array) -> Array:
         s = start[:, None] + (end - start)[:, None] * _NODES
         values = tangent(s.ravel(), 0).reshape(*s.shape, 3)
-        return np.einsum("ijk,j->ik", values, _WEIGHTS) * (end - start)[:, None] * length
+        steps: Array = np.einsum("ijk,j->ik", values, _WEIGHTS) * (end - start)[:, None] * length
+        return steps
 
     upto = np.concatenate([np.zeros((1, 3)), np.cumsum(piece(nodes[:-1], nodes[1:]), axis=0)])
 

@@ -8,15 +8,23 @@ import numpy.typing as npt
 from dlogen.types import Array, Skeleton
 
 
-def curvature(line: Skeleton, s: Array) -> Array:
+def curvature(line: Skeleton, s: npt.ArrayLike) -> Array:
     """kappa = |f' x f''| / |f'|^3 (Eq. 16).
 
     Args:
         line: the skeleton line.
-        s: (K,) coordinates.
+        s: a coordinate in [0, 1], or (K,) of them.
 
     Returns:
-        (K,) curvatures, 1/m.
+        One number or (K,) of them, 1/m.
+
+    Raises:
+        ValueError: a coordinate outside of [0, 1].
+
+    >>> import dlogen
+    >>> result = dlogen.fit(dlogen.synth("bent", points=2000, seed=1).points, {"e_max": 0.05})
+    >>> bool(dlogen.curvature(result.skeleton, [0.0, 0.5, 1.0]).max() < 1 / 0.02)
+    True
     """
     return curvature_of(line(s, 1), line(s, 2), 1e-12 * max(line.length, 1e-300))
 
@@ -25,14 +33,14 @@ def curvature_of(first: Array, second: Array, least_speed: float = 0.0) -> Array
     """The same from the first and the second derivative of any curve with respect to any parameter.
 
     Args:
-        first, second: (K, 3) each.
+        first, second: (..., 3) each.
         least_speed: taken for |f'| where that is less, as at a cusp, which has no curvature.
 
     Returns:
-        (K,) curvatures, 1/m.
+        (...,) curvatures, 1/m.
     """
-    speed = np.maximum(np.linalg.norm(first, axis=1), least_speed)
-    bend: Array = np.linalg.norm(np.cross(first, second), axis=1) / speed**3
+    speed = np.maximum(np.linalg.norm(first, axis=-1), least_speed)
+    bend: Array = np.linalg.norm(np.cross(first, second), axis=-1) / speed**3
     return bend
 
 
@@ -70,8 +78,8 @@ def tangent(line: Skeleton, s: npt.ArrayLike) -> Array:
 
     >>> import dlogen
     >>> result = dlogen.fit(dlogen.synth("straight", points=2000, seed=1).points)
-    >>> dlogen.tangent(result.skeleton, 0.5).round(2).tolist()
-    [-0.29, 0.96, -0.0]
+    >>> dlogen.tangent(result.skeleton, 0.5).round(2).tolist()[:2]
+    [-0.29, 0.96]
     """
     along = line(s, 1)
     unit: Array = along / np.linalg.norm(along, axis=-1, keepdims=True)

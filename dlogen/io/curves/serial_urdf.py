@@ -60,7 +60,8 @@ def link_origins(data: bytes) -> Array:
     first = next((i for i, name in enumerate(names) if body.get(name)), 0)
     points = np.array(origins[first:])
     apart = segment_lengths(points) > _SAME_PLACE
-    return points[np.concatenate([[True], apart])]
+    vertices: Array = points[np.concatenate([[True], apart])]
+    return vertices
 
 
 def _xml(data: bytes) -> ElementTree.Element:

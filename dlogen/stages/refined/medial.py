@@ -257,7 +257,7 @@ def _covariances(sums: Array) -> Array:
     """Covariances xx, xy, yy, xz, yz, zz from sums of `_moments`: (M, 10) -> (6, M)."""
     scaled = sums.T.copy()
     scaled /= np.maximum(scaled[0], 1e-300)
-    second = scaled[4:]
+    second: Array = scaled[4:]
     for row, product in zip(second, products(*scaled[1:4]), strict=True):
         row -= product
     return second
@@ -303,7 +303,7 @@ def squared_distances(points: Array, pairs: IntArray) -> Array:
 def _weighted_sums(features: Array, weight: Array, half: IntArray, squared: Array, reach: Array) -> Array:
     """Sums with the weights (1 - (d / reach)^2)^2 of the neighbours, times their number of points; and of itself."""
     weighted = features * weight[:, None]
-    result = weighted.copy()
+    result: Array = weighted.copy()
     scale = 1.0 / reach**2
     for rows, columns in (half, half[::-1]):
         value = 1.0 - squared * scale[rows]

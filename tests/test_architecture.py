@@ -103,3 +103,20 @@ def test_the_core_knows_no_files(name: str) -> None:
 @pytest.mark.parametrize("name", sorted(modules()))
 def test_no_file_is_too_long(name: str) -> None:
     assert len(modules()[name].read_text(encoding="utf-8").splitlines()) <= 400
+
+
+def has_code(module: str) -> bool:
+    """Whether a module does more than to name, re-export and annotate: `__init__` of most rooms, aliases of types."""
+    tree = ast.parse(modules()[module].read_text(encoding="utf-8"))
+    return any(isinstance(node, (ast.FunctionDef, ast.ClassDef)) for node in tree.body)
+
+
+@pytest.mark.parametrize("name", sorted(set(modules()) - _OUTSIDE))
+def test_every_module_has_a_test_of_its_name(name: str) -> None:
+    """dlogen/<room>/<module>.py is tested by tests/<room>/test_<module>.py, or by several test_<module>_*.py."""
+    path = modules()[name]
+    if not has_code(name):
+        return
+    room = ROOT / "tests" / path.relative_to(PACKAGE).parent
+    stem = path.parent.name if path.stem == "__init__" else path.stem
+    assert (room / f"test_{stem}.py").exists() or any(room.glob(f"test_{stem}_*.py")), f"{name} has no test of its name"

@@ -48,6 +48,15 @@ def extract(
     Raises:
         FitError: nothing, or nearly everything, differs from the background, or only specks do.
         InputError: a cloud without points, or organised clouds of different sizes or poses.
+
+    >>> import dlogen, numpy as np
+    >>> table = np.stack(np.meshgrid(np.arange(0, 1, 0.02), np.arange(0, 1, 0.02)), axis=-1).reshape(-1, 2)
+    >>> background = np.column_stack([table, np.zeros(len(table))])
+    >>> cable = dlogen.synth("straight", points=2000).points * [0.5, 0.5, 1.0] + [0.3, 0.6, 0.1]
+    >>> scene = dlogen.RawCloud(np.concatenate([background, cable]))
+    >>> found = dlogen.extract(scene, dlogen.RawCloud(background), count=1000)
+    >>> len(found), bool(found.points[:, 2].min() > 0.05)
+    (1000, True)
     """
     seen = int(_finite(scene).sum())
     for cloud, what, points in ((scene, "scene", seen), (background, "background", int(_finite(background).sum()))):

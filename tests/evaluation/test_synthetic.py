@@ -3,217 +3,22 @@
 from __future__ import annotations
 
 import json
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.integrate import quad
-from scipy.special import ellipe
+from known_lines import LINES
 from scipy.stats import kstest
 
-from dlogen.evaluation.centre_line import CentreLine, from_points
+from dlogen.evaluation.centre_line import CentreLine
 from dlogen.evaluation.shapes import (
-    TABLE_I,
     centre_line,
-    coil_centre_line,
-    hose_centre_line,
-    loop_centre_line,
     random_centre_line,
 )
 from dlogen.evaluation.synthetic import sample_tube, truth, truth_bytes, write_truth
 
 RADIUS = 0.02
-
-LINES: dict[str, CentreLine] = {
-    **{name: centre_line(name) for name in ("bent", "straight", "helical")},
-    "random": random_centre_line(3, clearance=0.06),
-    "loop": loop_centre_line(),
-    "coil": coil_centre_line(),
-    "hose": hose_centre_line(),
-    "points": from_points(centre_line("bent").points(40)),
-}
-
-
-@pytest.fixture(params=LINES)
-def line(request: pytest.FixtureRequest) -> CentreLine:
-    return LINES[request.param]
-
-
-# Centre lines ------------------------------------------------------------------------------------------------------
-
-
-def test_table_1_is_the_papers() -> None:
-    s = np.linspace(0, 1, 7)
-    sine = np.sin(3 * np.pi * s) / 2 + 0.5
-    expected = {
-        "bent": (np.sin(np.pi * s), 2 * np.cos(np.pi * s) - 1, 0 * s),
-        "straight": (-0.3 * s + 0.55, s - 1, 0 * s),
-        "helical-printed": (sine, sine, s / 2 - 1),
-        "helical": (sine, np.cos(3 * np.pi * s) / 2 + 0.5, s / 2 - 1),
-    }
-    assert expected.keys() == TABLE_I.keys()
-    for name, columns in expected.items():
-        np.testing.assert_allclose(TABLE_I[name](s, 0), np.stack(columns, axis=1), atol=1e-15)
-
-
-def test_derivatives_are_those_of_the_curve(line: CentreLine) -> None:
-    t, h = np.linspace(0.03, 0.97, 23), 1e-5
-    for derivative in (0, 1):
-        numeric = (line.curve(t + h, derivative) - line.curve(t - h, derivative)) / (2 * h)
-        exact = line.curve(t, derivative + 1)
-        # The third derivative of the spline through points jumps at its knots.
-        assert np.abs(numeric - exact).max() < 1e-4 * max(1.0, np.abs(exact).max())
-
-
-def test_lengths_in_closed_form() -> None:
-    # `bent` is half an ellipse of the semi-axes 1 and 2.
-    assert centre_line("bent").length == pytest.approx(2 * 2 * ellipe(1 - 1 / 4), rel=1e-12)
-    assert centre_line("straight").length == pytest.approx(np.hypot(0.3, 1.0), rel=1e-14)
-    assert centre_line("helical").length == pytest.approx(np.hypot(3 * np.pi / 2, 0.5), rel=1e-12)
-    assert hose_centre_line().length == pytest.approx(1.7, abs=1e-12)
-    assert coil_centre_line(0.9).length == pytest.approx(0.9, abs=1e-12)
-    assert loop_centre_line(0.9).length == pytest.approx(0.9, abs=1e-12)
-
-
-def test_arc_length_against_another_quadrature(line: CentreLine) -> None:
-    def speed(t: float) -> float:
-        return float(np.linalg.norm(line.curve(np.array([t]), 1)))
-
-    for s in (0.13, 0.5, 0.81):
-        t = float(line.parameter(s)[0])
-        pieces = [0.0, *(float(knot) for knot in line.knots if 0 < knot < t), t]
-        arc = sum(quad(speed, a, b, epsabs=1e-13)[0] for a, b in pairwise(pieces))
-        assert arc == pytest.approx(s * line.length, abs=1e-10)
-
-
-def test_points_are_even_in_arc_length(line: CentreLine) -> None:
-    steps = np.linalg.norm(np.diff(line.points(20001), axis=0), axis=1)
-    # A chord is shorter than its arc by kappa^2 h^2 / 24 of it, which is what is left.
-    assert np.ptp(steps) / steps.mean() < line.max_curvature() ** 2 * steps.mean() ** 2 / 24 + 1e-9
-    assert steps.sum() == pytest.approx(line.length, rel=1e-6)
-
-
-def test_printed_helical_bends_to_4_mm_and_helical_is_a_helix() -> None:
-    assert 1 / centre_line("helical-printed").max_curvature() == pytest.approx(0.004, abs=2e-4)
-    # Radius 1/2, 0.5 m of rise over an angle of 3 pi: the curvature of a helix is r / (r^2 + c^2).
-    pitch = 0.5 / (3 * np.pi)
-    kappa = centre_line("helical").curvature(np.linspace(0, 1, 50))
-    np.testing.assert_allclose(kappa, 0.5 / (0.25 + pitch**2), rtol=1e-10)
-    off_axis = np.linalg.norm(centre_line("helical").points(50)[:, :2] - 0.5, axis=1)
-    np.testing.assert_allclose(off_axis, 0.5, atol=1e-12)
-
-
-def test_hose_is_the_papers() -> None:
-    hose = hose_centre_line()
-    s = np.linspace(0, 1, 10001)
-    kappa = hose.curvature(s)
-    assert 1 / hose.max_curvature() == pytest.approx(0.145, rel=1e-6)
-    assert s[kappa.argmax()] == pytest.approx(0.33, abs=2e-4)
-    assert np.abs(hose.points()[:, 2]).max() == 0.0
-    # It does not touch itself.
-    points = hose.points(500)
-    apart = np.abs(np.subtract.outer(np.arange(500), np.arange(500))) * hose.length / 499 > 0.2
-    assert np.linalg.norm(points[:, None] - points, axis=2)[apart].min() > 0.1
-
-
-@settings(max_examples=20, deadline=None)
-@given(
-    seed=st.integers(0, 10**6),
-    length=st.floats(0.2, 3.0),
-    bend=st.floats(0.03, 0.3),
-    dimensions=st.sampled_from([2, 3]),
-)
-def test_random_lines_keep_their_bend_radius(seed: int, length: float, bend: float, dimensions: int) -> None:
-    line = random_centre_line(seed, length, bend, dimensions)
-    assert line.length == pytest.approx(length, rel=1e-9)
-    assert 1 / line.max_curvature() >= bend
-    if dimensions == 2:
-        assert np.ptp(line.points(100)[:, 2]) == 0.0
-
-
-def test_clearance_is_kept() -> None:
-    for seed in range(3):
-        line = random_centre_line(seed, 2.0, 0.1, clearance=0.06)
-        points = line.points(800)
-        apart = np.abs(np.subtract.outer(np.arange(800), np.arange(800))) * line.length / 799 > 0.1
-        assert np.linalg.norm(points[:, None] - points, axis=2)[apart].min() > 0.059
-
-
-def test_a_line_that_cannot_keep_away_from_itself_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dlogen.evaluation.shapes._comes_near_itself", lambda *_: True)
-    with pytest.raises(ValueError, match="keeps"):
-        random_centre_line(0, clearance=0.05)
-
-
-def test_strands_of_loop_and_coil_pass_at_the_separation() -> None:
-    for line, separation in ((loop_centre_line(1.4, 0.05), 0.05), (coil_centre_line(1.4, 0.05), 0.05)):
-        points = line.points(1000)
-        apart = np.abs(np.subtract.outer(np.arange(1000), np.arange(1000))) * line.length / 999 > 0.3
-        assert np.linalg.norm(points[:, None] - points, axis=2)[apart].min() == pytest.approx(separation, rel=0.02)
-
-
-def test_from_points_goes_through_the_points_in_order() -> None:
-    given_points = centre_line("helical").points(60)
-    line = from_points(given_points)
-    s, distance = line.nearest(given_points)
-    assert distance.max() < 1e-9
-    assert (np.diff(s) > 0).all()
-    assert line.length == pytest.approx(centre_line("helical").length, rel=1e-4)
-    np.testing.assert_allclose(from_points([[0, 0, 0], [0, 3, 4]])(0.5), [[0, 1.5, 2]], atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("points", "words"),
-    [
-        ([[0, 0, 0]], "two points"),
-        ([[0, 0], [1, 1]], "two points"),
-        ([[0, 0, 0], [np.nan, 0, 0]], "finite"),
-        ([[0, 0, 0], [1, 0, 0], [1, 0, 0]], "point 3"),
-    ],
-)
-def test_from_points_refuses(points: Any, words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        from_points(points)
-
-
-def test_nearest_finds_foot_points_of_points_off_the_line(line: CentreLine) -> None:
-    rng = np.random.default_rng(0)
-    s = rng.uniform(0.02, 0.98, 200)
-    tangents = line.tangents(s)
-    across = np.cross(tangents, rng.normal(size=(200, 3)))
-    points = line(s) + 0.015 * across / np.linalg.norm(across, axis=1, keepdims=True)
-    found, distance = line.nearest(points)
-    np.testing.assert_allclose(distance, 0.015, atol=1e-12)
-    np.testing.assert_allclose(found, s, atol=1e-9)
-
-
-def test_a_moved_line_is_the_same_line_elsewhere() -> None:
-    turn, shift = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([5e5, 5e6, 100.0])
-    line = centre_line("bent")
-    moved = line.moved(turn, shift)
-    np.testing.assert_allclose(moved.points(50), line.points(50) @ turn.T + shift, rtol=0, atol=2e-9)
-    assert moved.length == pytest.approx(line.length, rel=1e-14)
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: random_centre_line(0, length=-1),
-        lambda: random_centre_line(0, clearance=0.2),
-        lambda: loop_centre_line(0.01),
-        lambda: coil_centre_line(0.05),
-        lambda: hose_centre_line(0.3),
-        lambda: hose_centre_line(min_bend_radius=0),
-    ],
-)
-def test_impossible_lines_are_refused(make: Any) -> None:
-    with pytest.raises(ValueError):
-        make()
-
 
 # Clouds ------------------------------------------------------------------------------------------------------------
 

@@ -3,13 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dlogen.errors import FitError
-from dlogen.evaluation.centre_line import from_points
 from dlogen.evaluation.shapes import centre_line, random_centre_line
 from dlogen.evaluation.synthetic import sample_tube
 from dlogen.geometry.curvature import max_curvature
-from dlogen.pipeline import fit
-from dlogen.stages.prepare import MIN_POINTS, check_points, far_away
 from dlogen.stages.quality.checks import (
     check_bends,
     check_followed,
@@ -18,77 +14,9 @@ from dlogen.stages.quality.checks import (
     check_radius_along,
     on_surface,
 )
-from dlogen.stages.quality.cross_section import check_cross_section
 from dlogen.stages.quality.residual import foot_points
 from dlogen.stages.quality.walk import check_walk
 from dlogen.stages.scale import estimate_scale
-
-
-def refusal(points, **options) -> str:
-    with pytest.raises(FitError) as error:
-        check_points(np.asarray(points, dtype=float), **options)
-    assert error.value.stage == "input"
-    assert error.value.hint
-    return error.value.message
-
-
-class TestPoints:
-    def test_tubes_pass_in_any_units_and_place(self, tube, half_tube) -> None:
-        for points in (tube.points, half_tube.points, 1000 * tube.points, tube.points + np.array([5e6, -4e6, 100.0])):
-            check_points(points)
-
-    def test_a_thin_straight_wire_along_an_axis_passes(self, exact_line) -> None:
-        rng = np.random.default_rng(0)
-        angle = rng.uniform(0, 2 * np.pi, 500)
-        wire = np.stack([rng.random(500), 1e-4 * np.cos(angle), 1e-4 * np.sin(angle)], axis=1)
-        check_points(wire)
-        check_points(wire + np.array([5e6, 0, 0]))
-
-    @pytest.mark.parametrize("count", [0, 1, MIN_POINTS - 1])
-    def test_too_few(self, count: int) -> None:
-        assert f"{count} points are too few" in refusal(np.random.default_rng(0).random((count, 3)))
-        check_points(np.random.default_rng(0).random((MIN_POINTS, 3)))
-
-    @pytest.mark.parametrize("place", [[0, 0, 0], [1, 2, 3], [5e6, 5e6, 0]])
-    def test_all_in_one_place(self, place) -> None:
-        assert "in one place" in refusal(np.tile(place, (100, 1)))
-        # What rounding leaves of one place is one place.
-        jitter = np.random.default_rng(0).choice([0, 1e-16], (100, 3))
-        assert "in one place" in refusal(np.tile(place, (100, 1)) * (1 + jitter) if any(place) else jitter * 0)
-
-    @pytest.mark.parametrize("axis", range(3))
-    def test_flat(self, axis: int) -> None:
-        points = np.random.default_rng(0).random((100, 3))
-        points[:, axis] = 0.7
-        assert f"flat: {'xyz'[axis]} is the same" in refusal(points)
-        check_points(points, surface=False)
-
-    def test_pixels(self) -> None:
-        pixels = np.random.default_rng(0).integers(0, 640, (500, 3))
-        pixels[:, 2] = 0
-        assert "pixel data" in refusal(pixels)
-        # Whole millimetres in space are no pixels.
-        pixels[:, 2] = np.arange(500) % 40
-        check_points(pixels.astype(float))
-
-    @pytest.mark.parametrize("scale", [1e-12, 1e12, 1e200])
-    def test_sizes_of_no_object(self, tube, scale: float) -> None:
-        assert "no object" in refusal(tube.points * scale)
-
-
-class TestFarAway:
-    @pytest.mark.parametrize("marker", [1e6, 1e10, 3.4028235e38, 1e300])
-    def test_markers_of_missing_data(self, tube, marker: float) -> None:
-        marked = np.array([[marker] * 3, [-marker, 0.0, 0.0], [0.0, marker, 0.0]])
-        far = far_away(np.concatenate([tube.points, marked]))
-        assert far.tolist() == [False] * len(tube.points) + [True] * 3
-
-    def test_strays_and_survey_coordinates_are_not(self, tube) -> None:
-        strays = np.random.default_rng(0).uniform(-20.0, 20.0, (500, 3))
-        for points in (np.concatenate([tube.points, strays]), tube.points + np.array([5e6, -4e6, 100.0])):
-            assert not far_away(points).any()
-        assert not far_away(tube.points[:3]).any()
-        assert not far_away(np.tile(tube.points[:1], (50, 1))).any()
 
 
 def line_findings(line, cloud, radius: float):
@@ -258,107 +186,3 @@ class TestOnSurface:
         distance = 0.010 + rng.normal(scale=0.002, size=5000)
         assert on_surface(distance, 0.010).mean() > 0.999
         assert not on_surface(np.array([*distance, 0.0201]), 0.010)[-1]
-
-
-class TestWalk:
-    @pytest.mark.parametrize(("share", "severity"), [(0.01, None), (0.05, "doubtful"), (0.3, "bad")])
-    def test_points_that_were_not_reached(self, exact_line, tube, share: float, severity) -> None:
-        found = codes(walk_findings(exact_line(tube.truth), tube, int(share * 5000)))
-        assert found == ({} if severity is None else {"points-not-reached": severity})
-
-    def test_gaps_where_they_are(self, exact_line) -> None:
-        truth = random_centre_line(3, clearance=0.08)
-        cloud = sample_tube(truth, 0.015, 5000, 0, gaps=[(0.2, 0.26), (0.7, 0.74)])
-        found = walk_findings(exact_line(truth), cloud)
-        assert [item.code for item in found] == ["gap", "gap"]
-        assert [item.s for item in found] == pytest.approx([0.23, 0.72], abs=0.002)
-        assert np.array([item.position for item in found]) == pytest.approx(truth([0.23, 0.72]), abs=0.005)
-        assert "84 mm" in found[0].message or "85 mm" in found[0].message
-        assert "56 mm" in found[1].message or "57 mm" in found[1].message
-
-    @pytest.mark.parametrize("seed", range(10))
-    def test_chance_makes_no_gaps(self, exact_line, seed: int) -> None:
-        truth = random_centre_line(seed, clearance=0.06)
-        for count in (300, 5000):
-            assert walk_findings(exact_line(truth), sample_tube(truth, 0.015, count, seed)) == []
-
-    def test_uneven_density_makes_no_gaps(self, exact_line) -> None:
-        truth = random_centre_line(3, clearance=0.08)
-        assert walk_findings(exact_line(truth), sample_tube(truth, 0.015, 5000, 0, density_ratio=10)) == []
-
-    def test_a_ring(self, circle) -> None:
-        ring = circle(0.3, 2 * np.pi * 0.995)
-        rng = np.random.default_rng(0)
-        s = rng.random(2000)
-        found = check_walk(ring, 0.01, s, np.ones(2000, bool), 0)
-        assert codes(found) == {"closed-ring": "bad"}
-
-    def test_a_horseshoe_and_a_hairpin_are_no_rings(self, circle, exact_line) -> None:
-        s = np.random.default_rng(0).random(2000)
-        horseshoe = circle(0.3, 1.8 * np.pi)  # ends far apart
-        assert check_walk(horseshoe, 0.01, s, np.ones(2000, bool), 0) == []
-
-        def hairpin(s, derivative):  # ends side by side, but the line does not go on from one into the other
-            t = 2 * s - 1
-            x, y = ((t**2, 0.02 * t), (4 * t, np.full_like(t, 0.04)))[derivative]
-            return np.stack([x, y, np.zeros_like(s)], axis=-1)
-
-        assert check_walk(exact_line(hairpin), 0.02, s, np.ones(2000, bool), 0) == []
-
-    def test_no_points_on_the_tube(self, circle) -> None:
-        assert check_walk(circle(0.3, 2.0), 0.01, np.zeros(5), np.zeros(5, bool), 0) == []
-
-
-class TestCrossSection:
-    def around(self, kind: str, amplitude: float, noise: float, seed: int, count: int = 6000, half: bool = False):
-        """Findings about a tube of radius 20 mm whose residual has a shape: a harmonic, and where it turns."""
-        rng = np.random.default_rng(seed)
-        line = fit(sample_tube(centre_line("bent"), 0.02, 2000, 1).points).skeleton
-        s = rng.uniform(0.0, 1.0, count)
-        angle = rng.uniform(-np.pi, 0.0 if half else np.pi, count)
-        tangent = line(s, 1)
-        side = np.cross(tangent, [0.0, 0.0, 1.0])
-        side /= np.linalg.norm(side, axis=1, keepdims=True)
-        up = np.cross(side, tangent / np.linalg.norm(tangent, axis=1, keepdims=True))
-        shape = {
-            "round": 0.0 * s,
-            "oval": np.cos(2.0 * angle),
-            "two humps": np.cos(4.0 * angle),
-            "offset": np.cos(angle),
-            "thick": np.ones(count),
-            "oval here": np.cos(2.0 * angle) * (s < 0.4),
-        }[kind]
-        residual = 0.02 * (amplitude * shape + noise * rng.normal(size=count))
-        away = (0.02 + residual)[:, None]
-        points = line(s) + away * (np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * up)
-        return check_cross_section(points, s, residual, line, 0.02)
-
-    @pytest.mark.parametrize("noise", [0.0, 0.1, 0.3])
-    @pytest.mark.parametrize(("kind", "half"), [("oval", False), ("two humps", False), ("two humps", True)])
-    def test_what_is_not_round_is_said(self, noise: float, kind: str, half: bool) -> None:
-        (finding,) = self.around(kind, 0.3, noise, 1, half=half)
-        assert (finding.code, finding.severity) == ("side-by-side", "doubtful")
-
-    @pytest.mark.parametrize("kind", ["round", "offset", "thick", "oval here"])
-    @pytest.mark.parametrize("noise", [0.0, 0.1, 0.4])
-    @pytest.mark.parametrize("seed", range(3))
-    def test_what_is_no_shape_is_not(self, kind: str, noise: float, seed: int) -> None:
-        assert self.around(kind, 0.3, noise, seed) == []
-        assert self.around(kind, 0.3, noise, seed, count=1200) == []
-
-    def test_too_few_points_say_nothing(self) -> None:
-        assert self.around("oval", 0.3, 0.0, 1, count=300) == []
-
-    @pytest.mark.parametrize("noise", [0.001, 0.002])
-    def test_two_cables_that_touch_along_their_length(self, noise: float) -> None:
-        x = np.linspace(0.0, 0.5, 50)
-        line = np.c_[x, 0.1 * np.sin(4.0 * x), 0.0 * x]
-        lower, upper = (
-            sample_tube(
-                from_points(line + np.array([0.0, 0.0, z])), 0.01, 2500, seed, noise=noise, side=[0.3, 0.2, -1.0]
-            ).points
-            for z, seed in ((0.0, 1), (0.0205, 91))
-        )
-        quality = fit(np.vstack([lower, upper])).quality
-        assert quality.verdict != "good"
-        assert "side-by-side" in {finding.code for finding in quality.findings}

@@ -6,8 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from dlogen.config.schema import Config
 from dlogen.errors import FitError
@@ -16,8 +14,6 @@ from dlogen.geometry.curvature import max_curvature
 from dlogen.io.report import report_dict
 from dlogen.pipeline import fit
 from dlogen.stages.chain import deviation
-from dlogen.stages.segmentation.curve_table import CurveTable, deviations, trace
-from dlogen.stages.segmentation.fewest_segments import fewest_segments, lay_chains
 from dlogen.stages.segmentation.joints import place_joints
 from dlogen.stages.segmentation.segment import segment
 from dlogen.stages.segmentation.segment_length import max_segment_length
@@ -134,85 +130,6 @@ def test_the_last_segment_is_no_stub_where_there_is_a_choice(two_hundred) -> Non
     )
     # Of evenly distributed last segments half would be shorter.
     assert np.mean(shares < 0.5) < 0.3
-
-
-# --- fewest against brute force ---
-
-
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("share", [0.05, 0.4, 1.5])
-def test_fewest_against_brute_force(fitted, seed: int, share: float) -> None:
-    line = fitted(random_centre_line(seed, length=0.8))
-    e_max = share / max_curvature(line)[0]
-    allowed = max_segment_length(e_max, 1 / max_curvature(line)[0])
-    found = fewest_segments(CurveTable(line), e_max, allowed)
-    # Other code: dense samples of the line, joints by the first sample outside, point by point.
-    s = np.linspace(0.0, 1.0, 3001)
-    points = line(s)
-    best = None
-    for length in np.linspace(0.9 * allowed, 1.05 * np.linalg.norm(points - points[0], axis=1).max(), 300):
-        at, worst, count = 0, 0.0, 0
-        while at < len(s) - 1:
-            outside = np.flatnonzero(np.linalg.norm(points[at:] - points[at], axis=1) >= length)
-            to = at + int(outside[0]) if len(outside) else len(s) - 1
-            axis = points[to] - points[at]
-            piece = points[at : to + 1] - points[at]
-            t = np.clip(piece @ axis / (axis @ axis), 0.0, 1.0)
-            worst = max(worst, float(np.linalg.norm(piece - t[:, None] * axis, axis=1).max()))
-            at, count = to, count + 1
-        if worst <= e_max and (best is None or (count, -length) < best):
-            best = (count, -length)
-    assert found is not None
-    assert best is not None
-    # Brute force can be lucky by its coarse joints (1 in 3000) only.
-    joints = place_joints(line, found.length)
-    assert measured(line, joints) <= e_max * (1 + 1e-6)
-    assert found.count <= best[0]
-    if found.count == best[0] and found.count > 1:
-        assert found.length >= -best[1] * (1 - 3e-3)
-
-
-@pytest.fixture(scope="module")
-def tables(fitted) -> list[CurveTable]:
-    return [CurveTable(fitted(random_centre_line(seed))) for seed in range(10)]
-
-
-@settings(deadline=None, max_examples=60)
-@given(
-    st.integers(0, 9),
-    st.sampled_from([0.002, 0.01, 0.05, 0.1]),
-    st.floats(0.9, 2.5),
-    st.floats(-4.0, -1.0),
-    st.booleans(),
-)
-def test_no_length_is_given_up_wrongly(tables, i: int, e: float, times: float, width: float, down: bool) -> None:
-    table = tables[i]
-    first = times * max_segment_length(e, 1 / max_curvature(table.line)[0])
-    pair = np.array([first, first * (1 + 10**width)])[:: -1 if down else 1]
-    between = lay_chains(table, np.linspace(*pair, 25), np.inf).deviation
-    # Asked for a little more than the smallest deviation in between, the interval must stay open.
-    assert not lay_chains(table, pair, between.min() * 1.0001).refuted[0]
-
-
-def test_intervals_are_given_up_at_all(fitted) -> None:
-    line = fitted(random_centre_line(1))
-    table = CurveTable(line)
-    lengths = np.linspace(0.1, 0.11, 40)
-    chains = lay_chains(table, lengths, 0.9 * lay_chains(table, lengths, np.inf).deviation.min())
-    assert chains.refuted.all()
-
-
-def test_the_table_lays_the_same_joints_as_the_line(fitted) -> None:
-    line = fitted(random_centre_line(5))
-    table = CurveTable(line)
-    chains = trace(table, np.array([0.05, 0.1, 0.3, 3.0]))
-    for i, length in enumerate(chains.lengths):
-        joints = place_joints(line, float(length))
-        n = chains.counts[i]
-        assert n == len(joints.s) - 1
-        assert table.parameter(chains.u[i, : n + 1]) == pytest.approx(joints.s, abs=1e-8)
-        u = chains.u[i, : n + 1]
-        assert deviations(table, u, table(u), 48).distance.max() == pytest.approx(deviation(line, joints)[0], rel=1e-5)
 
 
 # --- corners ---

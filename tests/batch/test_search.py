@@ -114,6 +114,8 @@ def test_globs() -> None:
 def test_what_matches_knows_where_it_is() -> None:
     assert list(search().glob("", ("b", "t*"))) == [Match(("b", "two.ply"), "b/two.ply", False)]
     assert list(search().glob("a", ("d*",), ("x",))) == [Match(("x", "deep"), "a/deep", True)]
+    deep = Match(("a", "deep", "three.pcd"), "a/deep/three.pcd", False)
+    assert list(search().glob("", ("a", "**", "*.pcd"))) == [deep]
     assert list(search().glob("b", ("**",))) == [Match((), "b", True)]
 
 

@@ -22,10 +22,10 @@ if sys.platform == "win32":
 
 from dlogen.batch.executors import dask as cluster
 from dlogen.batch.executors import dask_worker
-from dlogen.batch.executors.dask import BATCH_CLOUDS, DaskPool, _Batches, prepare_dask, scheduler_of
+from dlogen.batch.executors.dask import BATCH_CLOUDS, DaskPool, prepare_dask, scheduler_of
 from dlogen.batch.executors.dask_worker import Reply
 from dlogen.batch.job import Outcome, Plan, Task, run_job
-from dlogen.errors import DlogenError, UsageError
+from dlogen.errors import DlogenError
 from dlogen.evaluation.shapes import random_centre_line
 from dlogen.evaluation.synthetic import sample_tube
 from dlogen.io.cloud_files import write_cloud
@@ -36,7 +36,7 @@ DEADLINE = 90.0
 #: Python imports this when it starts: clouds with some names do things in the worker processes.
 HOOK = """
 import sys
-if "dlogen.batch.executors.worker_process" in " ".join(sys.orig_argv):
+if "dlogen.batch.executors.worker" in " ".join(sys.orig_argv):
     import os, signal, time
     import dlogen.io.cloud_files
     real = dlogen.io.cloud_files.read_cloud
@@ -371,141 +371,3 @@ def test_abandoned(inner: str) -> None:
 def run_all(pool: DaskPool, tasks: list[Task]) -> list[Outcome]:
     with contextlib.closing(pool.run(iter(tasks))) as outcomes:
         return list(outcomes)
-
-
-class TestBatches:
-    @staticmethod
-    def of(count: int, size: int = 0) -> _Batches:
-        return _Batches((Task("x", str(index), content=b"0" * size) for index in range(count)), count)
-
-    @staticmethod
-    def reply(batch: list[Task], each: float, done: int | None = None) -> Reply:
-        done = len(batch) if done is None else done
-        return Reply("", tuple(Outcome(task.key) for task in batch[:done]), each * done)
-
-    def test_few_first_many_later_few_at_the_end(self) -> None:
-        batches = self.of(10_000)
-        sizes = []
-        while batch := batches.next(4, 0):
-            sizes.append(len(batch))
-            batches.ended(batch, self.reply(batch, 0.001))
-        assert sum(sizes) == 10_000
-        assert sizes[0] == 1
-        assert max(sizes) == sizes[1] == BATCH_CLOUDS
-        assert sizes[-4:] == [1, 1, 1, 1]
-        assert batches.is_empty()
-
-    def test_slow_clouds_go_in_small_batches(self) -> None:
-        batches = self.of(1000)
-        batches.ended(batches.next(4, 0), self.reply([Task("x", "x")], 1.0))
-        assert len(batches.next(4, 0)) == cluster.BATCH_SECONDS
-
-    def test_large_clouds_go_in_small_batches(self) -> None:
-        batches = self.of(1000, cluster.BATCH_BYTES // 4)
-        batches.ended(batches.next(4, 0), self.reply([Task("x", "x")], 0.001))
-        assert len(batches.next(4, 0)) == 4
-
-    def test_no_vacancies(self) -> None:
-        assert self.of(3).next(0, 8) == []
-
-    def test_what_was_not_begun_comes_again(self) -> None:
-        batches = self.of(8)
-        batches.ended(batches.next(1, 0), self.reply([Task("x", "x")], 0.001))
-        batch = batches.next(1, 0)
-        assert len(batch) == 7
-        batches.ended(batch, self.reply(batch, 0.001, done=3))
-        assert batches.next(1, 0) == batch[3:]
-
-    def test_who_is_to_blame_is_found_out_alone(self) -> None:
-        batches = self.of(8)
-        batches.ended(batches.next(1, 0), self.reply([Task("x", "x")], 0.001))
-        assert list(batches.died(batches.next(2, 0))) == []
-        one, two = batches.next(2, 0), batches.next(1, 1)
-        assert (len(one), len(two)) == (1, 1)
-        # Next to each other in a worker that died: either may have done it.
-        assert list(batches.died(one)) == list(batches.died(two)) == []
-        while (rest := batches.next(2, 1)) and rest not in (one, two):
-            batches.ended(rest, self.reply(rest, 0.001))
-        assert batches.next(2, 1) == []
-        assert batches.next(2, 0) == one
-        batches.ended(one, self.reply(one, 0.001))
-        assert batches.next(2, 0) == two
-        [outcome] = batches.died(two)
-        assert outcome.key == two[0].key
-        assert outcome.failure is not None
-        assert outcome.failure.code == "worker-died"
-        assert batches.is_empty()
-
-
-class TestProcesses:
-    def test_kept_for_the_next_order_and_ended_for_others(self) -> None:
-        processes = dask_worker._Processes()
-        settings = dask_worker.ProcessSettings(Plan(None))
-        with processes.lend(b"one", settings) as first, processes.lend(b"one", settings) as second:
-            assert first is not second
-        with processes.lend(b"one", settings) as again:
-            assert again in (first, second)
-        with processes.lend(b"two", settings) as other:
-            assert other not in (first, second)
-        assert first.closed
-        assert second.closed
-        processes.close()
-        assert other.closed
-
-    def test_ended_when_idle(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(dask_worker, "IDLE_SECONDS", 0.01)
-        processes = dask_worker._Processes()
-        with processes.lend(b"one", dask_worker.ProcessSettings(Plan(None))) as worker:
-            pass
-        wait_for(lambda: worker.closed)
-        with processes.lend(b"one", dask_worker.ProcessSettings(Plan(None))) as other:
-            assert other is not worker
-        processes.close()
-
-
-@pytest.mark.parametrize("address", ["nonsense", "ht://x:1", "tcp://x:y"])
-def test_no_address(address: str, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="is not an address"):
-        run_all(DaskPool(Plan(None), address, 1), [])
-
-
-def test_no_scheduler_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "CONNECT_SECONDS", 0.5)
-    with pytest.raises(DlogenError, match=r"cannot connect to a Dask scheduler at tcp://127\.0\.0\.1:9"):
-        run_all(DaskPool(Plan(None), "tcp://127.0.0.1:9", 1), [])
-
-
-def test_no_scheduler_file(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="cannot be read"):
-        scheduler_of(str(tmp_path / "x.json"))
-    (tmp_path / "x.json").write_text("[]")
-    with pytest.raises(UsageError, match="not the scheduler file"):
-        scheduler_of(str(tmp_path / "x.json"))
-
-
-def test_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(DlogenError) as caught:
-        prepare_dask(verbose=False)
-    assert caught.value.hint == "pip install 'dlogen[distributed]'"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--ship"], "--ship is for clusters"),
-        (["--scheduler", "x:1", "--jobs", "2"], "--jobs is for this machine"),
-        (["--scheduler", "x:1", "--scheduler-file", "x"], "contradict each other"),
-    ],
-)
-def test_usage(arguments: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from click.testing import CliRunner
-
-    from dlogen.cli.main import cli
-
-    monkeypatch.chdir(tmp_path)
-    make_clouds(Path("clouds"), 1)
-    result = CliRunner().invoke(cli, ["batch", "clouds", "-o", "out", *arguments])
-    assert result.exit_code == 2
-    assert message in result.output
-    assert not Path("out").exists()

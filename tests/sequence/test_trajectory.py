@@ -6,46 +6,21 @@ import csv
 import io
 import json
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
 from moving import LENGTH, recorded
+from recorded_motion import moved
 
-from dlogen.config.schema import Config
 from dlogen.config.sections import JointSettings
 from dlogen.io.registry import model_format, model_formats
 from dlogen.multibody.build import multibody
-from dlogen.sequence.export import trajectory_csv, trajectory_npz
-from dlogen.sequence.outliers import Observed
-from dlogen.sequence.plot import motion_picture
+from dlogen.sequence.export import trajectory_csv
 from dlogen.sequence.shared_model import common_model
-from dlogen.sequence.trajectory import Motion, motion_of
-from dlogen.types import Result
+from dlogen.sequence.trajectory import motion_of
 
 Array = np.ndarray
 CASES = [(dof, zero) for dof in (2, 3) for zero in ("straight", "scan")]
-
-
-@cache
-def moved(name: str = "hose", dof: int = 2, zero: str = "straight", times: bool = True) -> Motion:
-    made = recorded(name, 3, 30)
-    frames = list(made.observed)
-    frames[7] = Observed("frame_07", None, problem="the file is empty")
-    frames[29] = Observed("frame_29", None, problem="the file is empty")
-    at = made.times if times else None
-    return motion_of(common_model(frames, at), at, JointSettings(dof=dof, zero=zero))
-
-
-@pytest.fixture(scope="module")
-def result_for(make_result, straight):
-    template = make_result(straight([0, 0, 0], [1, 0, 0]))
-
-    def make(motion: Motion, **joints) -> Result:
-        config = Config(joints=JointSettings(base="floating", **joints))
-        return replace(template, chain=motion.chain, config=config, recorded=motion.poses(), name="hose")
-
-    return make
 
 
 @pytest.mark.parametrize(("dof", "zero"), CASES)
@@ -127,33 +102,6 @@ def test_without_time() -> None:
     names = [f"j{i}" for i in range(motion.values[0].size)]
     rows = list(csv.DictReader(io.StringIO(trajectory_csv(motion, names).decode())))
     assert rows[7]["time"] == rows[7]["x"] == "" and rows[7]["reason"] == "failed"
-
-
-def test_trajectory_files_say_the_same(result_for) -> None:
-    motion = moved()
-    names = multibody(result_for(motion)).hinge_names
-    rows = list(csv.DictReader(io.StringIO(trajectory_csv(motion, names).decode())))
-    arrays = np.load(io.BytesIO(trajectory_npz(motion, names)), allow_pickle=False)
-    assert [row["frame"] for row in rows] == arrays["frame"].tolist() == [f"frame_{k:02d}" for k in range(30)]
-    assert [float(row["time"]) for row in rows] == arrays["time"].tolist() == motion.times.tolist()
-    assert arrays["joint_names"].tolist() == list(names)
-    for name, column in zip(names, arrays["joint_values"].T, strict=True):
-        assert [float(row[name]) for row in rows] == column.tolist()
-    for keys, array in ((("x", "y", "z"), "base_position"), (("qw", "qx", "qy", "qz"), "base_quaternion")):
-        assert np.array([[float(row[key]) for key in keys] for row in rows]).tolist() == arrays[array].tolist()
-    assert [row["state"] for row in rows] == arrays["state"].tolist()
-    assert (
-        [row["error"] == "" for row in rows] == np.isnan(arrays["error"]).tolist() == [k in (7, 29) for k in range(30)]
-    )
-    assert arrays["joint_positions"].shape == (30, len(motion.common.links) + 1, 3)
-    assert trajectory_npz(motion, names) == trajectory_npz(motion, names)
-
-
-def test_picture() -> None:
-    pytest.importorskip("matplotlib")
-    for motion in (moved(), moved("rod"), moved(times=False)):
-        data = motion_picture(motion)
-        assert data.startswith(b"\x89PNG") and len(data) > 20_000
 
 
 def test_json_of_the_model_is_that_of_a_chain(result_for) -> None:

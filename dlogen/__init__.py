@@ -4,7 +4,7 @@
 >>> cloud = dlogen.synth("bent", points=3000, seed=2)     # or dlogen.read_cloud("cloud.ply")
 >>> result = dlogen.fit(cloud.points, {"e_max": 0.01})     # (M, 3) array, metres
 >>> result.chain.joints.shape                              # the paper's x_0 .. x_n
-(20, 3)
+(25, 3)
 >>> result.quality.verdict
 'good'
 """

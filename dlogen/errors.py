@@ -16,6 +16,13 @@ class DlogenError(Exception):
         hint: what to try.
         path: the file that it is about, if any.
         stage: the pipeline stage that it happened in, if any.
+
+    >>> import dlogen
+    >>> try:
+    ...     dlogen.fit([[0.0, 0.0, 0.0]])
+    ... except dlogen.DlogenError as error:
+    ...     print(f"{error.message} ({error.stage}); try: {error.hint}")
+    1 points are too few: at least 12 are needed (input); try: a few hundred points along the object are a good start
     """
 
     #: Exit code of the command line: 1 the run failed, 2 usage, config or an input that cannot be read.
@@ -41,19 +48,43 @@ class DlogenError(Exception):
 
 
 class InputError(DlogenError):
-    """A file that cannot be read, or that does not hold what it claims."""
+    """A file that cannot be read, or that does not hold what it claims.
+
+    >>> import dlogen
+    >>> try:
+    ...     dlogen.read_cloud("nowhere.ply")
+    ... except dlogen.InputError as error:
+    ...     print(error.message)
+    cannot read: No such file or directory
+    """
 
     exit_code = 2
 
 
 class ConfigError(DlogenError):
-    """A configuration that cannot be used: unknown key, wrong type, out of range."""
+    """A configuration that cannot be used: unknown key, wrong type, out of range.
+
+    >>> import dlogen
+    >>> try:
+    ...     dlogen.Config.from_dict({"emax": 0.01})
+    ... except dlogen.ConfigError as error:
+    ...     print(error.message)
+    unknown key 'emax'
+    """
 
     exit_code = 2
 
 
 class UsageError(DlogenError):
-    """A call that cannot be carried out as it was made (flags that contradict, an existing output)."""
+    """A call that cannot be carried out as it was made (flags that contradict, an existing output).
+
+    >>> import dlogen
+    >>> try:
+    ...     dlogen.write_cloud("cloud.xyz", [[0.0, 0.0, 0.0]])
+    ... except dlogen.UsageError as error:
+    ...     print(error.message)
+    no cloud format has the name ending '.xyz'
+    """
 
     exit_code = 2
 
@@ -66,6 +97,13 @@ class OutputError(UsageError):
         hint: as of `DlogenError`.
         path: as of `DlogenError`.
         for_all: nothing else can be written there either: the disk is full or read-only.
+
+    >>> import dlogen
+    >>> try:
+    ...     dlogen.write_cloud("/dev/null/cloud.ply", [[0.0, 0.0, 0.0]])
+    ... except dlogen.OutputError as error:
+    ...     print(error.exit_code)
+    2
     """
 
     def __init__(
@@ -76,7 +114,15 @@ class OutputError(UsageError):
 
 
 class FitError(DlogenError):
-    """A readable cloud from which no chain can be made."""
+    """A readable cloud from which no chain can be made.
+
+    >>> import dlogen
+    >>> try:
+    ...     dlogen.fit([[0.0, 0.0, 0.0]] * 3 + [[1.0, 0.0, 0.0]])
+    ... except dlogen.FitError as error:
+    ...     print(error.message)
+    2 points are too few: at least 12 are needed
+    """
 
 
 class Interrupted(DlogenError):

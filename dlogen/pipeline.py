@@ -51,6 +51,14 @@ def fit(
     Raises:
         FitError: no chain can be made from this cloud.
         ConfigError: the configuration does not fit the cloud.
+
+    >>> import dlogen
+    >>> cloud = dlogen.synth("helical", points=3000, noise=0.0005, seed=4)
+    >>> result = dlogen.fit(cloud.points, {"e_max": 0.01})
+    >>> result.max_deviation <= 0.01, result.quality.verdict
+    (True, 'good')
+    >>> bool(abs(result.chain.radius - 0.02) < 1e-4)
+    True
     """
     config = config if isinstance(config, Config) else Config.from_dict(config or {})
     cloud = cloud if isinstance(cloud, Cloud) else clean(cloud)

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
+from dlogen.config.sections import JointSettings
 from dlogen.evaluation.centre_line import CentreLine
-from dlogen.sequence.outliers import Observed
+from dlogen.sequence.captures import CaptureFit
+from dlogen.sequence.rigid_links import Shape, equal_links, fit_links
+from dlogen.sequence.shared_model import shared_model
+from dlogen.sequence.trajectory import Motion, motion_of
 
 Array = np.ndarray
 #: (s (K,), t) -> angles a, b of the tangent (cos a cos b, sin a cos b, sin b).
@@ -100,7 +105,7 @@ def loop(seed: int = 0) -> tuple[Angles, Callable[[float], Array]]:
 
 
 def hairpin(seed: int = 0) -> tuple[Angles, Callable[[float], Array]]:
-    """Folded in half, swung sideways by the distance of its strands from frame to frame (at 60 frames)."""
+    """Folded in half, swung sideways by the distance of its strands from capture to capture (at 60 captures)."""
 
     def angles(s: Array, t: float) -> tuple[Array, Array]:
         return np.pi / (1 + np.exp(-(s - 0.5) / 0.02)), 0.05 * np.sin(2 * t) + 0 * s
@@ -117,7 +122,7 @@ class Recorded:
 
     times: Array
     lines: list[CentreLine]
-    observed: list[Observed]
+    captures: list[CaptureFit]
 
     def truth(self, s: Array) -> Array:
         """(F, K, 3) material points."""
@@ -127,7 +132,7 @@ class Recorded:
 def recorded(
     name: str,
     seed: int = 0,
-    frames: int = 60,
+    count: int = 60,
     *,
     noise: float = 0.0003,
     end_noise: float = 0.002,
@@ -137,9 +142,9 @@ def recorded(
     """What single fits of a recording might give: smooth errors across, the ends a little off, any direction."""
     rng = np.random.default_rng([seed, 7])
     angles, middle = MOTIONS[name](seed)
-    times = np.linspace(0.0, duration, frames)
+    times = np.linspace(0.0, duration, count)
     lines = [line(angles, t, middle(t)) for t in times]
-    observed = []
+    captures = []
     for k, true in enumerate(lines):
         cut = rng.normal(scale=end_noise / LENGTH, size=2)
         s = np.linspace(max(0.0, cut[0]), min(1.0, 1 + cut[1]), 1000)
@@ -147,10 +152,32 @@ def recorded(
         points = true(s) + waves @ rng.normal(scale=noise / np.sqrt(5), size=(10, 3))
         if flips and rng.random() < 0.5:
             points = points[::-1]
-        observed.append(observation(f"frame_{k:02d}", points, RADIUS * (1 + 0.01 * rng.normal())))
-    return Recorded(times, lines, observed)
+        captures.append(observation(f"frame_{k:02d}", points, RADIUS * (1 + 0.01 * rng.normal())))
+    return Recorded(times, lines, captures)
 
 
-def observation(name: str, points: Array, radius: float = RADIUS, residual: float = 0.001) -> Observed:
+def observation(name: str, points: Array, radius: float = RADIUS, residual: float = 0.001) -> CaptureFit:
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-    return Observed(name, points, length, radius, residual)
+    return CaptureFit(name, points, length, radius, residual)
+
+
+def fitted_chains(
+    name: str, seed: int = 0, count: int = 14, captures: int = 60, **noise: float
+) -> tuple[Array, Array, Array]:
+    """Rigid links fitted to a recording: (F, n + 1, 3) joints, (n,) links, (F,) times."""
+    made = recorded(name, seed, captures, flips=False, **noise)
+    curves = np.array([item.points for item in made.captures])
+    lengths = np.array([item.length for item in made.captures])
+    links = equal_links(LENGTH, count)
+    return fit_links(Shape(curves, lengths, LENGTH, 0.5 * (LENGTH - lengths)), links), links, made.times
+
+
+@cache
+def moved(name: str = "hose", dof: int = 2, zero: str = "straight", times: bool = True) -> Motion:
+    """The motion of 30 captures, of which the fits of number 7 and of the last one failed."""
+    made = recorded(name, 3, 30)
+    captures = list(made.captures)
+    captures[7] = CaptureFit("frame_07", None, problem="the file is empty")
+    captures[29] = CaptureFit("frame_29", None, problem="the file is empty")
+    at = made.times if times else None
+    return motion_of(shared_model(captures, at), at, JointSettings(dof=dof, zero=zero))

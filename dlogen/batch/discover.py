@@ -13,7 +13,7 @@ from typing import BinaryIO
 
 from dlogen.batch import store
 from dlogen.batch.item import Item
-from dlogen.batch.lists import NO_SETTINGS, Row, Settings, read_lines, read_table
+from dlogen.batch.lists import NO_SETTINGS, CloudSettings, ListRow, read_lines, read_table
 from dlogen.batch.output_names import FileNames, overwritten, with_unique_keys, without_repeats
 from dlogen.batch.paths import below, key_as_named, nearest, opened, shown
 from dlogen.batch.search import CONFIG_ENDINGS, Parts, Search, is_glob, split_glob
@@ -169,7 +169,7 @@ class _Finder:
         read = read_table if path.lower().endswith(".csv") else read_lines
         yield from self._listed(read(data, ["", os.path.dirname(path)], name), name)
 
-    def _listed(self, rows: Iterable[Row], name: str) -> Iterator[Item]:
+    def _listed(self, rows: Iterable[ListRow], name: str) -> Iterator[Item]:
         """The clouds of a list. One that does not exist fails when it is its turn, unless none of them exists.
 
         Folders without clouds are passed over: `find` lists them all.
@@ -198,7 +198,7 @@ class _Finder:
             raise InputError("nothing is piped in", "pipe a list: find . -name '*.ply' | dlogen batch - -o models")
         return stream.read()
 
-    def _file(self, path: str, key: str, settings: Settings = NO_SETTINGS) -> Item:
+    def _file(self, path: str, key: str, settings: CloudSettings = NO_SETTINGS) -> Item:
         """A cloud; unless there is a root, its key is this one, which has the ending yet."""
         folder, name = os.path.split(path)
         if name in ("", os.curdir, os.pardir):
@@ -213,7 +213,7 @@ class _Finder:
         return Item(opened(path), key.removesuffix(name) + stem, config, settings.overrides, settings.time)
 
     def _below(
-        self, top: str, parts: Parts = (), settings: Settings = NO_SETTINGS, *, named: bool = False
+        self, top: str, parts: Parts = (), settings: CloudSettings = NO_SETTINGS, *, named: bool = False
     ) -> Iterator[Item]:
         """The clouds in a folder and those below it; unless there is a root, their keys start with these parts.
 

@@ -1,8 +1,7 @@
-"""One cloud of a batch: read, fit, write, and say in a few words how it went. Runs in the workers."""
+"""The work on one cloud of a batch: what is told to a worker, what it does, and how it went."""
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import os
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dlogen._version import __version__
+from dlogen.batch.output_files import write_files
 from dlogen.config.reader import load_config
 from dlogen.config.schema import Config
 from dlogen.errors import ConfigError, DlogenError, FitError, InputError, OutputError
@@ -94,7 +94,7 @@ class Outcome:
     Attributes:
         key: of the task.
         failure: None if there is a model.
-        verdict, findings, figures: of the model; codes of the findings that are not mere notes.
+        verdict, findings, metrics: of the model; codes of the findings that are not mere notes.
         sha256: of the cloud's file; None if it could not be read.
         seconds: that it took, and `timings` of its stages.
         files: what is to be written, where the worker could not.
@@ -104,14 +104,14 @@ class Outcome:
     failure: Failure | None = None
     verdict: str | None = None
     findings: tuple[str, ...] = ()
-    figures: dict[str, float] = field(default_factory=dict)
+    metrics: dict[str, float] = field(default_factory=dict)
     sha256: str | None = None
     seconds: float = 0.0
     timings: dict[str, float] = field(default_factory=dict)
     files: dict[str, bytes] | None = None
 
 
-def work(plan: Plan, task: Task) -> Outcome:
+def run_job(plan: Plan, task: Task) -> Outcome:
     """Make the model of a cloud and write it. Never raises: whatever goes wrong is this cloud's failure."""
     start = time.perf_counter()
     sha256 = None
@@ -127,13 +127,13 @@ def work(plan: Plan, task: Task) -> Outcome:
         except MemoryError:
             failure = Failure("memory", "not enough memory for this cloud", "raise --memory, or use fewer points")
             return Outcome(task.key, failure, sha256=sha256, seconds=time.perf_counter() - start)
-        from dlogen.batch.metrics import figures_of
+        from dlogen.batch.metrics import metrics_of
 
         return Outcome(
             task.key,
             verdict=result.quality.verdict,
             findings=tuple(dict.fromkeys(item.code for item in result.quality.warnings)),
-            figures=figures_of(result),
+            metrics=metrics_of(result),
             sha256=sha256,
             seconds=time.perf_counter() - start,
             timings=result.timings,
@@ -152,41 +152,6 @@ def failure_of(error: DlogenError) -> Failure:
         message = f"{error.path}: {message}"
     stops_all = isinstance(error, OutputError) and error.for_all
     return Failure(code, message, error.hint, error.stage, stops_all)
-
-
-def write_files(folder: str, key: str, files: dict[str, bytes]) -> None:
-    """Write the results of a cloud, all or none.
-
-    Raises:
-        OutputError: they cannot be written.
-    """
-    from dlogen.io.atomic import write_all
-
-    place = Path(folder, *key.split("/")[:-1])
-    write_all({place / name: data for name, data in files.items()})
-
-
-def paths_of(folder: str | Path, key: str, outputs: Outputs) -> list[Path]:
-    """The results of a cloud."""
-    above, _, stem = key.rpartition("/")
-    return [Path(folder, above, name) for name in outputs.files(stem)]
-
-
-def remove_temporaries(folder: str | Path, key: str, outputs: Outputs, process: int | None = None) -> None:
-    """Remove what processes that were killed have left beside the results of a cloud.
-
-    Args:
-        folder: of the batch.
-        key: of the cloud.
-        outputs: that it was to have.
-        process: number of the process; None for all of them.
-    """
-    from dlogen.io.atomic import temporary_prefix
-
-    for place in {path.parent for path in paths_of(folder, key, outputs)}:
-        for path in place.glob(f"{temporary_prefix(process)}*"):
-            with contextlib.suppress(OSError):
-                path.unlink()
 
 
 def _read(task: Task) -> Cloud:

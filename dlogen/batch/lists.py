@@ -15,7 +15,7 @@ from dlogen.errors import UsageError
 _CLOUD_COLUMNS = ("cloud", "path", "file")
 
 
-class Settings(NamedTuple):
+class CloudSettings(NamedTuple):
     """What a list says of a cloud besides its path; see `Item`."""
 
     config: str | None = None
@@ -23,10 +23,10 @@ class Settings(NamedTuple):
     time: float | None = None
 
 
-NO_SETTINGS = Settings()
+NO_SETTINGS = CloudSettings()
 
 
-class Row(NamedTuple):
+class ListRow(NamedTuple):
     """A cloud or folder of a list.
 
     Attributes:
@@ -37,10 +37,10 @@ class Row(NamedTuple):
 
     named: str
     path: str | None
-    settings: Settings = NO_SETTINGS
+    settings: CloudSettings = NO_SETTINGS
 
 
-def read_lines(data: bytes, folders: Sequence[str], list_name: str) -> Iterator[Row]:
+def read_lines(data: bytes, folders: Sequence[str], list_name: str) -> Iterator[ListRow]:
     """The rows of a text: paths, one a line; or with NUL between them, as `find -print0` writes them.
 
     Args:
@@ -60,10 +60,10 @@ def read_lines(data: bytes, folders: Sequence[str], list_name: str) -> Iterator[
     for name in names:
         text = os.fsdecode(name)
         folder = _folder_of(text, folders)
-        yield Row(text, None if folder is None else os.path.join(folder, text))
+        yield ListRow(text, None if folder is None else os.path.join(folder, text))
 
 
-def read_table(data: bytes, folders: Sequence[str], list_name: str) -> Iterator[Row]:
+def read_table(data: bytes, folders: Sequence[str], list_name: str) -> Iterator[ListRow]:
     """The rows of a CSV.
 
     The column `cloud` (or `path`, or `file`) is the path; `config` a YAML file; `time` seconds; those whose names start
@@ -118,7 +118,7 @@ class _Columns:
         self._config, self._time = places.pop("config", None), places.pop("time", None)
         self._settings = places
 
-    def row(self, line: int, cells: list[str], folders: Sequence[str]) -> Row:
+    def row(self, line: int, cells: list[str], folders: Sequence[str]) -> ListRow:
         """What a row says."""
         if len(cells) != self._count:
             message = f"{len(cells)} cells, but the header has {self._count}"
@@ -129,8 +129,8 @@ class _Columns:
         folder = _folder_of(named, folders)
         # The same place before others.
         config = self._config_file(line, cells, folders if folder is None else [folder, *folders])
-        settings = Settings(config, self._overrides(line, cells), self._seconds(line, cells))
-        return Row(named, None if folder is None else os.path.join(folder, named), settings)
+        settings = CloudSettings(config, self._overrides(line, cells), self._seconds(line, cells))
+        return ListRow(named, None if folder is None else os.path.join(folder, named), settings)
 
     def _config_file(self, line: int, cells: list[str], folders: Sequence[str]) -> str | None:
         text = "" if self._config is None else cells[self._config]

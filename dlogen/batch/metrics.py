@@ -1,4 +1,4 @@
-"""The figures that a batch records of every cloud."""
+"""The numbers that a batch records of every cloud: metrics here, "figures" in messages and in the summary."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Figure:
+class Metric:
     """A number that a fit gives.
 
     Attributes:
@@ -29,34 +29,34 @@ class Figure:
     whole: bool = False
 
 
-FIGURES = (
-    Figure("points", lambda result: result.provenance["points"], whole=True),
-    Figure("length", lambda result: result.skeleton.length),
-    Figure("radius", lambda result: result.chain.radius),
-    Figure("segment_count", lambda result: len(result.chain.lengths), whole=True),
-    Figure("segment_length", lambda result: result.joints.segment_length),
-    Figure("last_segment_length", lambda result: result.joints.last_segment_length),
-    Figure("e_max", lambda result: result.e_max),
-    Figure("max_deviation", lambda result: result.max_deviation),
-    Figure("mdtw_mean", lambda result: result.mdtw.mean),
-    Figure("mdtw_std", lambda result: result.mdtw.std),
-    Figure("mdtw_max", lambda result: result.mdtw.max),
-    Figure("residual_rms", lambda result: result.residual.rms),
+METRICS = (
+    Metric("points", lambda result: result.provenance["points"], whole=True),
+    Metric("length", lambda result: result.skeleton.length),
+    Metric("radius", lambda result: result.chain.radius),
+    Metric("segment_count", lambda result: len(result.chain.lengths), whole=True),
+    Metric("segment_length", lambda result: result.joints.segment_length),
+    Metric("last_segment_length", lambda result: result.joints.last_segment_length),
+    Metric("e_max", lambda result: result.e_max),
+    Metric("max_deviation", lambda result: result.max_deviation),
+    Metric("mdtw_mean", lambda result: result.mdtw.mean),
+    Metric("mdtw_std", lambda result: result.mdtw.std),
+    Metric("mdtw_max", lambda result: result.mdtw.max),
+    Metric("residual_rms", lambda result: result.residual.rms),
 )
 
 
-def figures_of(result: Result) -> dict[str, float]:
+def metrics_of(result: Result) -> dict[str, float]:
     """All of them that are numbers, by name."""
-    values = {item.name: (int if item.whole else float)(item.of(result)) for item in FIGURES}
+    values = {item.name: (int if item.whole else float)(item.of(result)) for item in METRICS}
     return {name: value for name, value in values.items() if math.isfinite(value)}
 
 
 @dataclass(frozen=True)
 class Threshold:
-    """A figure that may not be larger than a limit.
+    """A metric that may not be larger than a limit.
 
     Attributes:
-        name: of the figure.
+        name: of the metric.
         limit: in its unit.
     """
 
@@ -68,10 +68,10 @@ class Threshold:
         """From `max_deviation=0.01`.
 
         Raises:
-            UsageError: there is no such figure, or no number.
+            UsageError: there is no such metric, or no number.
         """
         name, _, limit = (part.strip() for part in text.partition("="))
-        names = [item.name for item in FIGURES]
+        names = [item.name for item in METRICS]
         if name not in names:
             near = difflib.get_close_matches(name, names, n=1)
             hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(names)}"
@@ -85,7 +85,7 @@ class Threshold:
             raise UsageError(f"{limit!r} is not a number", hint)
         return cls(name, value)
 
-    def exceeded(self, figures: dict[str, Any]) -> bool:
-        """Whether a cloud's figure is above the limit; a cloud without figures does not count."""
-        value = figures.get(self.name)
+    def exceeded(self, metrics: dict[str, Any]) -> bool:
+        """Whether a cloud's metric is above the limit; a cloud without metrics does not count."""
+        value = metrics.get(self.name)
         return value is not None and bool(value > self.limit)

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dlogen._version import __version__
-from dlogen.batch.executors.local import Pool
+from dlogen.batch.executors.pool import Pool
 from dlogen.batch.failures import MEMORY, OUTPUT, TIMEOUT, WORKER_DIED
 from dlogen.batch.item import Item
-from dlogen.batch.job import Failure, Outcome, Plan, Task, failure_of, paths_of, remove_temporaries, write_files
-from dlogen.batch.store import Ledger, Row
+from dlogen.batch.job import Failure, Outcome, Plan, Task, failure_of
+from dlogen.batch.output_files import paths_of, remove_temporaries, write_files
+from dlogen.batch.store import Row, Store
 from dlogen.config.reader import read_text
 from dlogen.errors import ConfigError, DlogenError, OutputError
 from dlogen.io.outputs import Outputs
@@ -26,7 +27,7 @@ _OF_THE_MACHINE = (TIMEOUT.code, MEMORY.code, WORKER_DIED.code)
 
 
 @dataclass(frozen=True)
-class Settings:
+class BatchOptions:
     """How a batch deals with what is there already, and with its clouds' bytes.
 
     Attributes:
@@ -44,18 +45,18 @@ class Kept:
     """The records of clouds that need not be done again, read as they are asked for.
 
     Args:
-        ledger: that they are in.
+        store: that they are in.
         keys: of the clouds.
     """
 
-    def __init__(self, ledger: Ledger, keys: frozenset[str]) -> None:
-        self._ledger, self._keys = ledger, keys
+    def __init__(self, store: Store, keys: frozenset[str]) -> None:
+        self._store, self._keys = store, keys
 
     def __len__(self) -> int:
         return len(self._keys)
 
     def __iter__(self) -> Iterator[Row]:
-        return (row for row in self._ledger.rows() if row.key in self._keys) if self._keys else iter(())
+        return (row for row in self._store.rows() if row.key in self._keys) if self._keys else iter(())
 
 
 class Batch:
@@ -65,8 +66,8 @@ class Batch:
         items: the clouds; their keys differ.
         folder: of the results.
         plan: what is done to each.
-        ledger: the folder's records.
-        settings: see there.
+        store: the folder's records.
+        options: see there.
 
     Attributes:
         kept: records of the clouds that need not be done again.
@@ -74,10 +75,10 @@ class Batch:
     """
 
     def __init__(
-        self, items: Sequence[Item], folder: Path, plan: Plan, ledger: Ledger, settings: Settings | None = None
+        self, items: Sequence[Item], folder: Path, plan: Plan, store: Store, options: BatchOptions | None = None
     ) -> None:
-        self.folder, self.plan, self.ledger = folder, plan, ledger
-        self.settings = settings or Settings()
+        self.folder, self.plan, self.store = folder, plan, store
+        self.options = options or BatchOptions()
         #: Key -> formats of which there are files that batches made; of the clouds that are to be done.
         self._made: dict[str, str] = {}
         #: Key -> what settings and cloud were when files were made of which some are not wanted now.
@@ -87,7 +88,7 @@ class Batch:
         keep = bytearray(len(items))
         unfinished: dict[str, str] = {}
         touched: list[Row] = []
-        for row in ledger.rows():
+        for row in store.rows():
             if row.status == "running":
                 unfinished[row.key] = row.formats
             k = place.get(row.key)
@@ -100,9 +101,9 @@ class Batch:
                 if self._with_wanted(row.formats) != self._with_wanted(""):
                     self._before[row.key] = _made_of(row)
         for row in touched:
-            ledger.write(row)
+            store.write(row)
         self._remove_unfinished(items, unfinished)
-        self.kept = Kept(ledger, frozenset(key for key, k in place.items() if keep[k]))
+        self.kept = Kept(store, frozenset(key for key, k in place.items() if keep[k]))
         self.todo = [item for item, kept in zip(items, keep, strict=True) if not kept]
 
     def run(self, pool: Pool) -> Generator[Row, None, None]:
@@ -127,14 +128,14 @@ class Batch:
                 existing = self._of_others(item.key, row)
                 if existing is None:
                     row.formats = self._with_wanted(row.formats)
-                elif not self.settings.force:
+                elif not self.options.force:
                     hint = "use --force to overwrite, or -o for another folder"
                     failure = Failure("output", f"output exists: {shown(str(existing))}", hint)
                     refused.append(self._failed(row, failure))
                     continue
-                self.ledger.write(row)
+                self.store.write(row)
                 under_way[item.key] = row
-                yield task if not self.settings.ship else self._shipped(task)
+                yield task if not self.options.ship else self._shipped(task)
 
         # Closed here and now when we are: what is under way ends before the records are closed.
         with contextlib.closing(pool.run(tasks())) as outcomes:
@@ -197,15 +198,15 @@ class Batch:
             _remove([path for path in paths_of(self.folder, outcome.key, stale) if path not in kept])
             row.formats = ""
         row.formats = self._with_wanted(row.formats)
-        row.findings, row.figures = " ".join(outcome.findings), dict(outcome.figures)
+        row.findings, row.metrics = " ".join(outcome.findings), dict(outcome.metrics)
         row.timings = json.dumps({stage: round(seconds, 6) for stage, seconds in outcome.timings.items()})
-        self.ledger.write(row)
+        self.store.write(row)
         return row
 
     def _failed(self, row: Row, failure: Failure) -> Row:
         row.status, row.code, row.error = "failed", failure.code, shown(failure.message)
         row.hint, row.stage = failure.hint and shown(failure.hint), failure.stage
-        self.ledger.write(row)
+        self.store.write(row)
         return row
 
     def _remove_unfinished(self, items: Sequence[Item], unfinished: dict[str, str]) -> None:
@@ -232,9 +233,9 @@ class Batch:
 
     def _is_up_to_date(self, item: Item, row: Row, touched: list[Row]) -> bool:
         """Whether nothing has changed since that record was made. One with a new time only goes into `touched`."""
-        if self.settings.force or row.status == "running":
+        if self.options.force or row.status == "running":
             return False
-        if row.status == "failed" and (self.settings.retry or row.code in _OF_THE_MACHINE or row.code == OUTPUT.code):
+        if row.status == "failed" and (self.options.retry or row.code in _OF_THE_MACHINE or row.code == OUTPUT.code):
             return False
         _, now = self._task(item)
         if (now.digest, now.size) != (row.digest, row.size):

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from dlogen.batch.metrics import FIGURES
+from dlogen.batch.metrics import METRICS
 from dlogen.errors import OutputError, UsageError
 
 NAME = "dlogen.sqlite"
@@ -33,7 +33,7 @@ _COLUMNS = {
     "stage": "TEXT",
     "verdict": "TEXT",
     "findings": "TEXT",
-    **{item.name: "INTEGER" if item.whole else "REAL" for item in FIGURES},
+    **{item.name: "INTEGER" if item.whole else "REAL" for item in METRICS},
     "seconds": "REAL",
     "timings": "TEXT",
     "size": "INTEGER",
@@ -55,7 +55,7 @@ class Row:
         status: "running", "done" or "failed".
         code, error, hint, stage: of a failure.
         verdict, findings: of a model; codes with blanks between them.
-        figures: of a model, by the names of `FIGURES`.
+        metrics: of a model, by the names of `METRICS`.
         seconds: that it took; `timings` of its stages, JSON.
         size, modified_ns, sha256: of the cloud's file.
         digest: of settings, wanted files and version.
@@ -72,7 +72,7 @@ class Row:
     stage: str | None = None
     verdict: str | None = None
     findings: str | None = None
-    figures: dict[str, float | None] = field(default_factory=dict)
+    metrics: dict[str, float | None] = field(default_factory=dict)
     seconds: float | None = None
     timings: str | None = None
     size: int | None = None
@@ -85,16 +85,16 @@ class Row:
     def values(self) -> dict[str, Any]:
         """By column."""
         out = dict(vars(self))
-        out |= {item.name: out["figures"].get(item.name) for item in FIGURES}
-        del out["figures"]
+        out |= {item.name: out["metrics"].get(item.name) for item in METRICS}
+        del out["metrics"]
         return {name: out[name] for name in _COLUMNS}
 
     @classmethod
     def of(cls, values: dict[str, Any]) -> Row:
         """The opposite of `values`."""
         rest = dict(values)
-        figures = {item.name: rest.pop(item.name) for item in FIGURES}
-        return cls(**rest, figures=figures)
+        metrics = {item.name: rest.pop(item.name) for item in METRICS}
+        return cls(**rest, metrics=metrics)
 
     def to_dict(self) -> dict[str, Any]:
         """As it stands in the lines of `--json`: without what is empty or only for dlogen itself."""
@@ -107,7 +107,7 @@ class Row:
         return out
 
 
-class Ledger:
+class Store:
     """The records in a folder, for one process at a time.
 
     Args:

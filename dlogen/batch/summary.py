@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from dlogen._version import __version__
-from dlogen.batch.metrics import FIGURES
-from dlogen.batch.store import Ledger, Row
+from dlogen.batch.metrics import METRICS
+from dlogen.batch.store import Row, Store
 from dlogen.io.atomic import write_with
 from dlogen.io.json_text import dump_json
 
@@ -26,7 +26,7 @@ _EXAMPLES = 3
 # No seconds: the same clouds and settings give the same bytes. They are in the records.
 _COLUMNS = (
     *("key", "cloud", "status", "verdict", "findings"),
-    *(item.name for item in FIGURES),
+    *(item.name for item in METRICS),
     *("code", "stage", "error", "sha256"),
 )
 
@@ -80,7 +80,7 @@ def _without_specifics(message: str) -> str:
     return re.sub(r"'[^']*'|\S*/\S*|[-+]?\d[\d.,e+-]*", "#", message)
 
 
-def write_summary(ledger: Ledger, folder: Path) -> None:
+def write_summary(store: Store, folder: Path) -> None:
     """Write both files from all records of the folder.
 
     Raises:
@@ -95,7 +95,7 @@ def write_summary(ledger: Ledger, folder: Path) -> None:
             # A lone carriage return ends a line for readers, but is no reason for the writer to quote.
             quoting = csv.writer(stream, lineterminator="\n", quoting=csv.QUOTE_ALL)
             writer.writerow(_COLUMNS)
-            for row in ledger.rows():
+            for row in store.rows():
                 totals.add(row)
                 values = row.values()
                 fields = ["" if values[name] is None else values[name] for name in _COLUMNS]
@@ -113,7 +113,7 @@ class _Totals:
         self.verdicts: Counter[str] = Counter()
         self.findings: Counter[str] = Counter()
         self.causes = Causes()
-        self.values: dict[str, list[float]] = {item.name: [] for item in FIGURES}
+        self.values: dict[str, list[float]] = {item.name: [] for item in METRICS}
 
     def add(self, row: Row) -> None:
         self.status[row.status] += 1
@@ -123,7 +123,7 @@ class _Totals:
         if row.status == "failed":
             self.causes.add(row)
         for name, values in self.values.items():
-            if (value := row.figures.get(name)) is not None:
+            if (value := row.metrics.get(name)) is not None:
                 values.append(value)
 
     def to_dict(self) -> dict[str, Any]:

@@ -13,7 +13,8 @@ from types import FrameType
 
 import click
 
-from dlogen.batch.executors.local import NotStarted, Pool
+from dlogen.batch.executors.pool import Pool
+from dlogen.batch.executors.worker import NotStarted
 from dlogen.batch.metrics import Threshold
 from dlogen.batch.paths import shown
 from dlogen.batch.runner import Batch
@@ -27,7 +28,7 @@ from dlogen.errors import DlogenError, Interrupted, OutputError
 _MOST_NAMED = 10
 
 
-def follow(
+def run_batch(
     batch: Batch,
     pool: Pool,
     console: Console,
@@ -44,7 +45,7 @@ def follow(
         batch: what is to be done.
         pool: where.
         console: for messages.
-        thresholds: figures that may not be larger.
+        thresholds: metrics that may not be larger.
         strict: only good models will do.
         as_json: print a line for every cloud on stdout.
         tolerant: clouds may fail; it is said all the same.
@@ -74,11 +75,11 @@ def follow(
                     _print(json.dumps(row.to_dict() | more, ensure_ascii=False, allow_nan=False))
                 elif not kept:
                     console.detail(_line(row))
-        write_summary(batch.ledger, batch.folder)
+        write_summary(batch.store, batch.folder)
     except BaseException as error:
-        # Summed up as far as it came; a second Ctrl-C leaves that away.
+        # Summed up as far as it came; a second Ctrl-C omits that.
         with contextlib.suppress(OutputError, KeyboardInterrupt):
-            write_summary(batch.ledger, batch.folder)
+            write_summary(batch.store, batch.folder)
         ended = f"{tally.ended} of {_clouds(total)} are done and recorded"
         if isinstance(error, KeyboardInterrupt):
             number = error.number if isinstance(error, _Terminated) else int(signal.SIGINT)
@@ -162,9 +163,9 @@ class _Tally:
         verdict = row.verdict or ""
         self.verdicts[verdict] += 1
         for limit in self.thresholds:
-            if limit.exceeded(row.figures):
+            if limit.exceeded(row.metrics):
                 text = f"{limit.name} is above {limit.limit:g}"
-                self.above.setdefault(text, []).append(f"{shown(row.cloud)} ({row.figures[limit.name]:.6g})")
+                self.above.setdefault(text, []).append(f"{shown(row.cloud)} ({row.metrics[limit.name]:.6g})")
         if self.strict and verdict != "good":
             self.above.setdefault("the verdict is not good", []).append(f"{shown(row.cloud)} ({verdict})")
 
@@ -213,6 +214,6 @@ def _line(row: Row) -> str:
         return f"{shown(row.cloud)}: {row.error} [{row.code}]"
     findings = f" ({row.findings})" if row.findings else ""
     return (
-        f"{shown(row.cloud)}: {row.figures['length']:.4f} m, {row.figures['segment_count']} segments, "
-        f"deviation {1e3 * (row.figures.get('max_deviation') or 0.0):.2f} mm, {row.verdict}{findings}"
+        f"{shown(row.cloud)}: {row.metrics['length']:.4f} m, {row.metrics['segment_count']} segments, "
+        f"deviation {1e3 * (row.metrics.get('max_deviation') or 0.0):.2f} mm, {row.verdict}{findings}"
     )

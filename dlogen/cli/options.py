@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from dlogen.batch.executors.local import Pool
+    from dlogen.batch.executors.pool import Pool
     from dlogen.batch.job import Plan
     from dlogen.cli.console import Console
 
@@ -116,7 +116,7 @@ class Workers:
         Raises:
             UsageError: the options contradict each other, or this system cannot do what they say.
         """
-        from dlogen.batch.executors.worker import can_limit_memory
+        from dlogen.batch.executors.worker_process import can_limit_memory
         from dlogen.errors import UsageError
 
         if self.timeout is not None and math.isnan(self.timeout):

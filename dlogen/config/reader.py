@@ -33,9 +33,16 @@ def load_config(
         base: what the file and the overrides change; the defaults if left out.
         text: what the file holds, where that is known already; it is not opened then.
 
+    Returns:
+        The configuration; what is said nowhere has its default.
+
     Raises:
         ConfigError: the file cannot be read or is not YAML; a key is unknown, given twice or holds what it may not;
             two keys contradict each other. All that is wrong is named, with lines.
+
+    >>> import dlogen
+    >>> dlogen.load_config(None, ["e_max=0.005", "joints.dof=3"]).e_max
+    0.005
     """
     values: Values = {} if base is None else flat(base.to_dict())
     places: dict[str, str] = {}

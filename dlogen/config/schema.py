@@ -44,6 +44,13 @@ class Config(Section):
 
     Raises:
         ConfigError: a value is not allowed, or two contradict each other.
+
+    >>> import dlogen
+    >>> config = dlogen.Config(r=0.02, e_max=0.005)
+    >>> config.profile, config.segmentation.criterion
+    ('refined', 'auto')
+    >>> config.replace({"joints.dof": 3}).joints.dof
+    3
     """
 
     profile: Literal["refined", "paper"] = choice(

@@ -226,7 +226,8 @@ def _tube_depth(line: CentreLine, radius: float, camera: Camera) -> tuple[Array,
 def _sense(depth: Array, rng: np.random.Generator, camera: Camera) -> Array:
     """Depth as the sensor gives it: noise on the disparity, then whole steps."""
     if camera.inverse_depth_step == 0.0:
-        return depth.copy()
+        exact: Array = depth.copy()
+        return exact
     # Rounding adds a twelfth of a step squared to the variance: the sum is what was measured of the sensor.
     noise = np.sqrt(max(camera.disparity_std**2 - 1.0 / 12.0, 0.0))
     disparity = np.round(1.0 / (depth * camera.inverse_depth_step) + rng.normal(scale=noise, size=depth.shape))

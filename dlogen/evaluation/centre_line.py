@@ -51,12 +51,14 @@ class CentreLine(ShortRepr):
         return t, np.concatenate([[0.0], np.cumsum(lengths)]), self._speed(t)
 
     def _speed(self, t: Array) -> Array:
-        return np.linalg.norm(self.curve(t, 1), axis=-1)
+        speed: Array = np.linalg.norm(self.curve(t, 1), axis=-1)
+        return speed
 
     def _arc(self, start: Array, end: Array) -> Array:
         """Arc length between parameters that lie in one panel: (K,), (K,) -> (K,)."""
         t = start[:, None] + (end - start)[:, None] * _NODES
-        return (self._speed(t.ravel()).reshape(t.shape) @ _WEIGHTS) * (end - start)
+        lengths: Array = (self._speed(t.ravel()).reshape(t.shape) @ _WEIGHTS) * (end - start)
+        return lengths
 
     @cached_property
     def length(self) -> float:
@@ -81,7 +83,8 @@ class CentreLine(ShortRepr):
         t += h * u * (1 - u) * ((1 - u) / speed[i] - u / speed[i + 1])
         for _ in range(2):
             t -= (arc[i] + self._arc(knots[i], t) - target) / self._speed(t)
-        return np.clip(t, 0.0, 1.0)
+        inside: Array = np.clip(t, 0.0, 1.0)
+        return inside
 
     def __call__(self, s: npt.ArrayLike) -> Array:
         """Points at the material coordinates s: (K,) -> (K, 3), metres."""
@@ -94,7 +97,8 @@ class CentreLine(ShortRepr):
     def tangents(self, s: npt.ArrayLike) -> Array:
         """Unit tangents: (K,) -> (K, 3)."""
         first = _in_chunks(lambda t: self.curve(t, 1), self.parameter(s))
-        return first / np.linalg.norm(first, axis=1, keepdims=True)
+        units: Array = first / np.linalg.norm(first, axis=1, keepdims=True)
+        return units
 
     def curvature(self, s: npt.ArrayLike) -> Array:
         """Curvature |f' x f''| / |f'|^3 (paper Eq. 16), 1/m: (K,) -> (K,)."""
@@ -102,7 +106,8 @@ class CentreLine(ShortRepr):
 
     def _curvature(self, t: Array) -> Array:
         first, second = self.curve(t, 1), self.curve(t, 2)
-        return np.linalg.norm(np.cross(first, second), axis=1) / np.linalg.norm(first, axis=1) ** 3
+        kappa: Array = np.linalg.norm(np.cross(first, second), axis=1) / np.linalg.norm(first, axis=1) ** 3
+        return kappa
 
     def max_curvature(self) -> float:
         """The largest curvature, 1/m: one over the smallest radius of curvature."""
@@ -136,13 +141,14 @@ class CentreLine(ShortRepr):
         first, second = self.curve(t, 1), self.curve(t, 2)
         squared = np.einsum("ij,ij->i", first, first)[:, None]
         along = np.einsum("ij,ij->i", first, second)[:, None]
-        return (second - first * along / squared) / squared
+        vectors: Array = (second - first * along / squared) / squared
+        return vectors
 
     def moved(self, rotation: Array, translation: Array) -> CentreLine:
         """The line after a rigid motion x -> rotation x + translation: (3, 3) and (3,)."""
 
         def curve(t: Array, derivative: int) -> Array:
-            value = self.curve(t, derivative) @ np.asarray(rotation).T
+            value: Array = self.curve(t, derivative) @ np.asarray(rotation).T
             return value + translation if derivative == 0 else value
 
         return CentreLine(self.name, curve, self.knots, self.arc_length_parameter)
@@ -197,7 +203,8 @@ def from_tangent(name: str, length: float, tangent: Curve) -> CentreLine:
     def piece(start: Array, end: Array) -> Array:
         s = start[:, None] + (end - start)[:, None] * _NODES
         values = tangent(s.ravel(), 0).reshape(*s.shape, 3)
-        return np.einsum("ijk,j->ik", values, _WEIGHTS) * (end - start)[:, None] * length
+        steps: Array = np.einsum("ijk,j->ik", values, _WEIGHTS) * (end - start)[:, None] * length
+        return steps
 
     upto = np.concatenate([np.zeros((1, 3)), np.cumsum(piece(nodes[:-1], nodes[1:]), axis=0)])
 

@@ -31,6 +31,11 @@ def compare(
 
     Raises:
         ValueError: wrong shapes, no points, coordinates that are not finite, or fewer than 2 samples.
+
+    >>> import dlogen
+    >>> found = dlogen.compare([[0, 0, 0], [1, 0, 0]], [[1, 0.01, 0], [0, 0.01, 0]], samples=50)
+    >>> round(found["mean"], 6), found["reversed"]
+    (0.01, True)
     """
     first, second = resample(a, samples), resample(b, samples)
     error = mdtw(first, second)

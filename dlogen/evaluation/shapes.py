@@ -25,9 +25,12 @@ def _bent(t: Array, derivative: int) -> Array:
 
 def _straight(t: Array, derivative: int) -> Array:
     direction, start = np.array([-0.3, 1.0, 0.0]), np.array([0.55, -1.0, 0.0])
+    places: Array
     if derivative == 0:
-        return start + t[..., None] * direction
-    return np.broadcast_to(direction if derivative == 1 else np.zeros(3), (*t.shape, 3)).copy()
+        places = start + t[..., None] * direction
+    else:
+        places = np.broadcast_to(direction if derivative == 1 else np.zeros(3), (*t.shape, 3)).copy()
+    return places
 
 
 def _helical(t: Array, derivative: int) -> Array:
@@ -107,7 +110,8 @@ def _random_line(rng: np.random.Generator, length: float, min_bend_radius: float
     def angles(s: Array, derivative: int) -> Array:
         """(2, K) the angles a and b, or their derivatives."""
         wave = np.sin(s[:, None, None] * waves + phases + derivative * np.pi / 2) * waves**derivative
-        return (wave * amplitudes).sum(axis=2).T
+        angles: Array = (wave * amplitudes).sum(axis=2).T
+        return angles
 
     # The grid misses the peak of the fifth wave by less than 1e-5 of it; 0.1 % keeps the promise.
     steepest = np.linalg.norm(angles(np.linspace(0.0, 1.0, 4001), 1), axis=0).max() * 1.001

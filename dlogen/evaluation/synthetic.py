@@ -32,6 +32,12 @@ class SyntheticCloud(ShortRepr):
         is_stray: (M,) which points do not belong to the tube.
         truth: the axis.
         radius: of the tube, metres.
+
+    >>> import dlogen, numpy as np
+    >>> cloud = dlogen.synth("straight", points=100)
+    >>> offset = cloud.points - cloud.truth(cloud.s)
+    >>> bool(abs(np.linalg.norm(offset, axis=1) - cloud.radius).max() < 1e-9)
+    True
     """
 
     points: Array
@@ -73,7 +79,7 @@ def synth(
     >>> import dlogen
     >>> cloud = dlogen.synth("helical", points=1000, noise=0.001)
     >>> cloud.points.shape, round(cloud.truth.length, 3)
-    ((1000, 3), 6.683)
+    ((1000, 3), 4.739)
     """
     rng = np.random.default_rng(seed)
     line = shape
@@ -162,7 +168,8 @@ def _draw_coordinates(uniform: Array, gaps: Sequence[tuple[float, float]], ratio
         s = share
     else:
         s = (np.sqrt(1 + share * grow * (2 + grow)) - 1) / grow
-    return np.clip(s, low[i], high[i])
+    inside: Array = np.clip(s, low[i], high[i])
+    return inside
 
 
 def _draw_normals(uniform: Array, tangents: Array, side: npt.ArrayLike | None) -> Array:
@@ -179,7 +186,8 @@ def _draw_normals(uniform: Array, tangents: Array, side: npt.ArrayLike | None) -
     if (norm < 1e-9).any():
         raise ValueError("the viewer looks exactly along the object: choose another side")
     across /= norm
-    return np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.cross(tangents, across)
+    normals: Array = np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.cross(tangents, across)
+    return normals
 
 
 def _unit_vector(direction: npt.ArrayLike) -> Array:

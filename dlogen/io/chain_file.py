@@ -41,6 +41,13 @@ class LoadedChain(ShortRepr):
         quality: verdict and findings.
         config: the resolved configuration that it was made with.
         provenance: version, input, its hash and size.
+
+    >>> import dlogen, tempfile
+    >>> result = dlogen.fit(dlogen.synth("bent", points=2000, seed=1).points, {"e_max": 0.05})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     chain = dlogen.load_chain(result.write(folder, ["json"])[0])
+    >>> chain.skeleton(0.5).shape, chain.joints.shape, chain.joint_values.shape, chain.transforms.shape
+    ((3,), (11, 3), (9, 2), (10, 4, 4))
     """
 
     name: str
@@ -127,7 +134,8 @@ def _read(path: Path) -> Mapping[str, Any]:
     if schema != CHAIN_SCHEMA:
         hint = "give NAME.json, not NAME.report.json" if schema == "dlogen.report/1" else "dlogen fit writes chains"
         raise InputError(f"this is not a chain: its schema is {schema!r}, not {CHAIN_SCHEMA!r}", hint, path=path)
-    return data
+    chain: Mapping[str, Any] = data
+    return chain
 
 
 def _chain(name: str, data: Mapping[str, Any]) -> LoadedChain:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import shutil
 import stat
 import sys
 import tempfile
@@ -35,8 +36,19 @@ def read_raw(path: str | Path) -> RawCloud:
     Args:
         path: the file; "-" is stdin. Pipes work as well.
 
+    Returns:
+        All points (M, 3) in the file's own units, with what else the file says.
+
     Raises:
         InputError: there is no such file, it is not a point cloud, or it is damaged.
+
+    >>> import dlogen, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = f"{folder}/cloud.ply"
+    ...     dlogen.write_cloud(path, [[0.0, 0.0, 0.1], [0.0, 0.0, 0.1], [0.2, 0.0, 0.1]])
+    ...     cloud = dlogen.read_raw(path)
+    >>> cloud.points.shape, cloud.format, cloud.encoding
+    ((3, 3), 'ply', 'binary_little_endian')
     """
     name = _STDIN if str(path) == "-" else str(path)
     try:
@@ -59,8 +71,19 @@ def read_cloud(path: str | Path, *, raw: RawCloud | None = None) -> Cloud:
         path: the file; "-" is stdin. Pipes work as well.
         raw: what `read_raw` made of it, to save reading it again.
 
+    Returns:
+        The clean points (M, 3) in the file's own units, and what was left out.
+
     Raises:
         InputError: there is no such file, it is not a point cloud, it is damaged, or it holds no finite point.
+
+    >>> import dlogen, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = f"{folder}/cloud.ply"
+    ...     dlogen.write_cloud(path, [[0.0, 0.0, 0.1], [0.0, 0.0, 0.1], [0.2, 0.0, 0.1]])
+    ...     cloud = dlogen.read_cloud(path)
+    >>> len(cloud), cloud.dropped.duplicates
+    (2, 1)
     """
     raw = read_raw(path) if raw is None else raw
     name = _STDIN if str(path) == "-" else Path(path).name
@@ -106,6 +129,13 @@ def write_cloud(
 
     Raises:
         UsageError: unknown format or encoding, arrays of the wrong shape, or the file cannot be written.
+
+    >>> import dlogen, pathlib, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "cloud.pcd")
+    ...     dlogen.write_cloud(path, [[0.0, 0.0, 0.1], [0.2, 0.0, 0.1]], encoding="ascii")
+    ...     path.read_text().splitlines()[-1]
+    '0.2 0.0 0.1'
     """
     path = Path(path)
     chosen = _format_by_suffix(path.suffix)
@@ -194,16 +224,11 @@ def _as_file(path: str | Path) -> Iterator[Path]:
         copy = Path(folder) / "cloud"
         with copy.open("wb") as stream:
             if str(path) == "-":
-                _copy(sys.stdin.buffer, stream)
+                shutil.copyfileobj(sys.stdin.buffer, stream)
             else:
                 with Path(path).open("rb") as pipe:
-                    _copy(pipe, stream)
+                    shutil.copyfileobj(pipe, stream)
         yield copy
-
-
-def _copy(source: BinaryIO, target: BinaryIO) -> None:
-    while chunk := source.read(_CHUNK):
-        target.write(chunk)
 
 
 def _sha256(stream: BinaryIO) -> str:

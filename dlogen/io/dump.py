@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dlogen.geometry.curvature import curvature
+from dlogen.io.parsing.ply_writer import write_ply
 from dlogen.types import Array, IntArray
 
 if TYPE_CHECKING:
@@ -39,18 +40,16 @@ def _ply(item: Intermediate) -> bytes:
     """Binary little-endian PLY with double properties, and red, green and blue where there is something to colour."""
     columns = {**{axis: item.points[:, i] for i, axis in enumerate("xyz")}, **item.columns}
     kinds = [(name, "<f8") for name in columns]
-    header = [f"property double {name}" for name in columns]
-    colours = ("red", "green", "blue") if item.colour is not None else ()
-    kinds += [(name, "u1") for name in colours]
-    header += [f"property uchar {name}" for name in colours]
+    if item.colour is not None:
+        channels = _colours(item.columns[item.colour]).T
+        columns |= dict(zip(("red", "green", "blue"), channels, strict=True))
+        kinds += [(name, "u1") for name in ("red", "green", "blue")]
     rows = np.empty(len(item.points), dtype=kinds)
     for name, values in columns.items():
         rows[name] = values
-    if item.colour is not None:
-        for name, values in zip(colours, _colours(item.columns[item.colour]).T, strict=True):
-            rows[name] = values
-    head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}", *header, "end_header", ""]
-    return "\n".join(head).encode() + rows.tobytes()
+    stream = io.BytesIO()
+    write_ply(stream, {"vertex": rows}, "binary_little_endian")
+    return stream.getvalue()
 
 
 def _colours(value: Array) -> np.ndarray:

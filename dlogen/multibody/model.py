@@ -104,6 +104,14 @@ class MultibodyModel(ShortRepr):
         zero, rest: what the settings say: "scan" or "straight".
         material: properties of the whole object.
         poses: those of a recording, then "scanned" and "straight".
+
+    >>> import dlogen
+    >>> result = dlogen.fit(dlogen.synth("bent", points=2000, seed=1).points, {"e_max": 0.05})
+    >>> model = result.model
+    >>> len(model.bodies), len(model.joints), model.hinge_names[:2]
+    (10, 9, ('joint_01_y', 'joint_01_z'))
+    >>> model.frames(model.straight).shape
+    (10, 4, 4)
     """
 
     name: str

@@ -12,9 +12,11 @@ import numpy as np
 from dlogen.batch.store import Row
 from dlogen.config.fields import AUTO
 from dlogen.config.schema import Config
-from dlogen.sequence.export import contents, observed_of, result_of, sequence_dict
+from dlogen.sequence.captures import read_capture
+from dlogen.sequence.export import contents, result_of
 from dlogen.sequence.file_names import MODEL, file_names
-from dlogen.sequence.shared_model import common_model
+from dlogen.sequence.report import sequence_dict
+from dlogen.sequence.shared_model import shared_model
 from dlogen.sequence.timestamps import Times
 from dlogen.sequence.trajectory import Motion, motion_of
 
@@ -55,10 +57,10 @@ def assemble(
         folder: of the batch; the chains of the single fits, KEY.json, and their reports are there.
         config: what the model is made with.
         formats: of the model.
-        times: of the clouds, if they are frames of a recording. Without, clouds that are set aside have no pose.
+        times: of the clouds, if they are captures of a recording. Without, clouds that are excluded have no pose.
         rate: what the user said of the times.
         keep_doubtful: go by clouds whose verdict is doubtful.
-        smooth: even out the noise from frame to frame.
+        smooth: even out the noise from capture to capture.
         plot: make a picture.
 
     Raises:
@@ -67,15 +69,15 @@ def assemble(
         DlogenError: a format cannot hold the model, or pictures need matplotlib.
     """
     seconds = None if times is None else np.array(times.seconds)
-    common = common_model(
-        [observed_of(rows, key, folder, keep_doubtful=keep_doubtful) for key in keys],
+    model = shared_model(
+        [read_capture(rows, key, folder, keep_doubtful=keep_doubtful) for key in keys],
         seconds,
         segmentation=config.segmentation,
         e_max=None if config.e_max == AUTO else config.e_max,
         smooth=smooth,
     )
-    motion = motion_of(common, seconds, config.joints)
-    result = result_of(motion, folder / f"{keys[common.reference]}.json", config, MODEL)
+    motion = motion_of(model, seconds, config.joints)
+    result = result_of(motion, folder, keys[model.reference], config, MODEL)
     report = sequence_dict(motion, result, time_source=None if times is None else times.source, rate=rate)
     names = file_names(times is not None, plot)
     return Assembled(motion, report, contents(motion, result, report, formats, names))

@@ -1,4 +1,4 @@
-"""From frame to frame: which end is first, which one is hidden, which frames do not fit between their neighbours."""
+"""From capture to capture: which end is first, which one is hidden, and what does not fit between its neighbours."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ import numpy as np
 
 from dlogen.types import Array, BoolArray, IntArray
 
-#: Frames in a row that can be left out between two that are kept.
+#: Captures in a row that can be left out between two that are kept.
 _REACH = 8
 
-#: Weight of the way from one frame to the next beside that of its change. It decides where there is nothing else: with
-#: two frames, and after a long gap.
+#: Weight of the way from one capture to the next beside that of its change. It decides where there is nothing else:
+#: with two captures, and after a long gap.
 _WAY = 0.05
 
-#: A frame is set aside when it is off by more than this many times what is usual in the recording ...
+#: A capture is excluded when it is off by more than this many times what is usual in the recording ...
 _USUAL = 6.0
 
 #: ... and by more than this share of the steps around it, at the ends by a whole step: what moves so fast is not known
 #: any better. In the middle also by more than the cubic is from the straight way: no more than what acceleration does.
 _OF_STEP = 0.3
 
-#: Below this number of frames nobody can tell which one is wrong.
+#: Below this number of captures nobody can tell which one is wrong.
 _LEAST = 5
 
 #: A direction is clear when the way it is taken makes the motion smoother by this factor than the other way round.
-#: Recordings that are followed rightly have 10 and more at 60 frames, 3 and more at 15; wrong turns 1.0 to 1.8.
+#: Recordings that are followed rightly have 10 and more at 60 captures, 3 and more at 15; wrong turns 1.0 to 1.8.
 _CLEAR = 2.0
 
 
@@ -40,8 +40,8 @@ def directions(curves: Array, times: Array, least: float) -> tuple[BoolArray, Bo
     - a price for every curve that is left out: what one pays for keeping a curve that is off by the larger of
       `least` and six times the usual distance.
 
-    The change of velocity tells the strands of a folded cable apart that moves by its own width between two frames. The
-    minimum over all sequences (dynamic programming over pairs of kept curves, Viterbi 1967) is not thrown off by a
+    The change of velocity tells the strands of a folded cable apart that moves by its own width between two captures.
+    The minimum over all sequences (dynamic programming over pairs of kept curves, Viterbi 1967) is not thrown off by a
     wrong curve, nor by the first one.
 
     Args:
@@ -104,8 +104,8 @@ def directions(curves: Array, times: Array, least: float) -> tuple[BoolArray, Bo
 def unclear_directions(curves: Array, times: Array) -> IntArray:
     """Curves from which on the same end might as well be the other one.
 
-    After a long gap, or when all moves far from one frame to the next, the motion is about as smooth if all curves from
-    there on are reversed: in its changes of velocity around the step and a little of the step's own length, as in
+    After a long gap, or when all moves far from one capture to the next, the motion is about as smooth if all curves
+    from there on are reversed: in its changes of velocity around the step and a little of the step's own length, as in
     `directions`.
 
     Args:

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dlogen.sequence.captures import CaptureFit
 from dlogen.types import Array, BoolArray
 
-#: A frame is set aside when it is off the median by more than this many robust standard deviations.
+#: A capture is excluded when it is off the median by more than this many robust standard deviations.
 _SIGMAS = 6.0
 
 #: Median absolute deviation to standard deviation, for a normal distribution.
@@ -19,33 +20,13 @@ _MAD = 1.4826
 _MOST_LENGTH, _MOST_RADIUS = 0.1, 0.5
 
 
-@dataclass(frozen=True, eq=False)
-class Observed:
-    """A frame as its own fit has it.
-
-    Attributes:
-        name: of the frame.
-        points: (K, 3) its skeleton line, even in arc length, metres; None where the fit failed.
-        length, radius: metres.
-        residual: RMS distance of the points to the tube, metres.
-        problem: why the frame cannot be believed: the error of its fit, or its verdict; None where it is good.
-    """
-
-    name: str
-    points: Array | None
-    length: float = np.nan
-    radius: float = np.nan
-    residual: float = np.nan
-    problem: str | None = None
-
-
 @dataclass(frozen=True)
-class Aside:
-    """Why a frame is set aside.
+class Exclusion:
+    """Why a capture is excluded.
 
     Attributes:
         code: "failed", "doubtful", "length", "radius", "noise" or "motion"; see `dlogen.sequence.reasons`.
-        message: one sentence, with figures.
+        message: one sentence, with numbers.
     """
 
     code: str
@@ -57,7 +38,7 @@ class Size:
     """A quantity over the recording.
 
     Attributes:
-        value: usual over the frames that are believed.
+        value: usual over the captures that are believed.
         allowed: largest distance to it.
         spread: robust standard deviation.
     """
@@ -68,35 +49,35 @@ class Size:
 
     @property
     def agreed(self) -> bool:
-        """Whether the frames scatter no more about the value than those of one object."""
+        """Whether the captures scatter no more about the value than those of one object."""
         return _SIGMAS * self.spread <= self.allowed
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """What the frames have in common: length, radius and RMS residual, metres."""
+    """What the captures have in common: length, radius and RMS residual, metres."""
 
     length: Size
     radius: Size
     residual: Size
 
 
-def common_sizes(observed: Sequence[Observed], use: BoolArray) -> Sizes:
-    """Usual sizes of the frames in use, and how far from them a frame may be.
+def common_sizes(captures: Sequence[CaptureFit], use: BoolArray) -> Sizes:
+    """Usual sizes of the captures in use, and how far from them a capture may be.
 
     They are medians. Lengths and radii that scatter by more than those of one object are of several, and the median
     may be that of none: then it is the median of the half that lies closest together.
 
-    A frame may always be off by what does no harm, and never by so much that it is another object: its length by 1 %,
+    A capture may always be off by what does no harm, and never by so much that it is another object: its length by 1 %,
     or the radius if that is more, and at most by 10 %; its radius by 10 % and at most by half. Residuals are bounded
     above only, by twice the median or a tenth of the radius.
 
     Args:
-        observed: F frames.
-        use: (F,) frames to go by, one at least.
+        captures: F captures.
+        use: (F,) captures to go by, one at least.
     """
     lengths, radii, residuals = (
-        np.array([getattr(observed[k], name) for k in np.flatnonzero(use).tolist()])
+        np.array([getattr(captures[k], name) for k in np.flatnonzero(use).tolist()])
         for name in ("length", "radius", "residual")
     )
     length, length_spread = _usual(lengths, _MOST_LENGTH)
@@ -130,21 +111,21 @@ def _size(value: float, spread: float, least: float, most: float) -> Size:
     return Size(value, min(max(_SIGMAS * spread, least), most), spread)
 
 
-def set_aside(observed: Observed, sizes: Sizes) -> Aside | None:
-    """Why not to believe a frame that has a curve and a good verdict, going by the sizes alone."""
+def exclusion_by_size(capture: CaptureFit, sizes: Sizes) -> Exclusion | None:
+    """Why not to believe a capture that has a curve and a good verdict, going by the sizes alone."""
     for code, what, size, value in (
-        ("length", "long", sizes.length, observed.length),
-        ("radius", "in radius", sizes.radius, observed.radius),
+        ("length", "long", sizes.length, capture.length),
+        ("radius", "in radius", sizes.radius, capture.radius),
     ):
         if abs(value - size.value) > size.allowed:
-            return Aside(
+            return Exclusion(
                 code,
                 f"{1e3 * value:.1f} mm {what}, usual are {1e3 * size.value:.1f} (allowed +-{1e3 * size.allowed:.1f})",
             )
-    if observed.residual > sizes.residual.value + sizes.residual.allowed:
-        return Aside(
+    if capture.residual > sizes.residual.value + sizes.residual.allowed:
+        return Exclusion(
             "noise",
-            f"its points scatter by {1e3 * observed.residual:.2f} mm, usually by "
+            f"its points scatter by {1e3 * capture.residual:.2f} mm, usually by "
             f"{1e3 * sizes.residual.value:.2f} (allowed {1e3 * (sizes.residual.value + sizes.residual.allowed):.2f})",
         )
     return None

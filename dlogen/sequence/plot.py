@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 #: Chains that are drawn; more would hide one another.
 _DRAWN = 60
 
-#: Colour and mark of a reason to set a frame aside.
+#: Colour and mark of a reason to exclude a capture.
 _REASONS = {
     "failed": (RED, "X"),
     "doubtful": (ORANGE, "s"),
@@ -27,7 +27,7 @@ _REASONS = {
 
 
 def motion_picture(motion: Motion) -> bytes:
-    """A PNG: the chains coloured by time from two sides, the error of each frame, and the bend of each joint over time.
+    """A PNG: chains coloured by time from two sides, the error of each capture, and the bend of each joint over time.
 
     Args:
         motion: of a recording, or poses without an order in time, which are drawn in the order given.
@@ -40,20 +40,20 @@ def motion_picture(motion: Motion) -> bytes:
     _draw_chains(figure.add_subplot(grid[0, :]), motion)
     _draw_errors(figure.add_subplot(grid[1, 0]), motion)
     _draw_bends(figure.add_subplot(grid[1, 1]), motion)
-    common = motion.common
-    count, links = len(motion.states), len(common.links)
+    model = motion.model
+    count, links = len(motion.states), len(model.links)
     what = ("frame" if motion.times is not None else "cloud") + ("s" if count > 1 else "")
     figure.suptitle(
-        f"{count} {what}, {motion.states.count('good')} good: {common.sizes.length.value:.3f} m, radius "
-        f"{1e3 * common.sizes.radius.value:.2f} mm, {links} segment{'s' if links > 1 else ''} of "
-        f"{1e3 * common.links[0]:.1f} mm",
+        f"{count} {what}, {motion.states.count('good')} good: {model.sizes.length.value:.3f} m, radius "
+        f"{1e3 * model.sizes.radius.value:.2f} mm, {links} segment{'s' if links > 1 else ''} of "
+        f"{1e3 * model.links[0]:.1f} mm",
         fontsize=13,
     )
     return png(figure)
 
 
 def _clock(motion: Motion) -> tuple[np.ndarray, str]:
-    """Where frames are on the axis of time, and its name."""
+    """Where captures are on the axis of time, and its name."""
     if motion.times is None:
         return np.arange(len(motion.states), dtype=float), "cloud"
     start = motion.times[0]
@@ -70,7 +70,7 @@ def _draw_chains(axes: Axes, motion: Motion) -> None:
 
     clock, name = _clock(motion)
     posed = np.flatnonzero(motion.posed)
-    joints = motion.common.joints[posed]
+    joints = motion.model.joints[posed]
     centre = joints.reshape(-1, 3).mean(axis=0)
     main = np.linalg.svd(joints.reshape(-1, 3) - centre, full_matrices=False)[2]
     seen = (joints - centre) @ main.T
@@ -78,7 +78,7 @@ def _draw_chains(axes: Axes, motion: Motion) -> None:
     # The second view stands below the first, a tenth of the width apart.
     drop = seen[..., 1].min() - 0.1 * np.ptp(seen[..., 0]) - seen[..., 2].max()
     colours = ScalarMappable(Normalize(clock[0], clock[-1]), colormaps["viridis"])
-    good = motion.common.good[posed]
+    good = motion.model.good[posed]
     shown = np.unique(np.linspace(0, len(posed) - 1, min(_DRAWN, len(posed))).round().astype(int))
     for k in shown:
         colour, dashes = (colours.to_rgba(clock[posed[k]]), "-") if good[k] else (RED, "--")
@@ -98,14 +98,16 @@ def _draw_chains(axes: Axes, motion: Motion) -> None:
 
 def _draw_errors(axes: Axes, motion: Motion) -> None:
     clock, name = _clock(motion)
-    common = motion.common
-    axes.plot(clock, 1e3 * common.deviation, ".-", color=BLUE, linewidth=1.0, markersize=4, label="deviation")
-    axes.axhline(1e3 * common.e_max, color=RED, linestyle="--", linewidth=1.2, label="e_max")
+    model = motion.model
+    axes.plot(clock, 1e3 * model.deviation, ".-", color=BLUE, linewidth=1.0, markersize=4, label="deviation")
+    axes.axhline(1e3 * model.e_max, color=RED, linestyle="--", linewidth=1.2, label="e_max")
     for code, (colour, mark) in _REASONS.items():
-        at = [clock[k] for k, aside in enumerate(common.asides) if aside is not None and aside.code == code]
+        at = [
+            clock[k] for k, exclusion in enumerate(model.exclusions) if exclusion is not None and exclusion.code == code
+        ]
         if at:
             axes.plot(at, np.zeros(len(at)), mark, color=colour, markersize=7, label=code, clip_on=False, zorder=3)
-    axes.set_ylim(0.0, 1.25e3 * max(common.e_max, float(np.nanmax(common.deviation))))
+    axes.set_ylim(0.0, 1.25e3 * max(model.e_max, float(np.nanmax(model.deviation))))
     axes.set_xlabel(name)
     axes.set_ylabel("skeleton line to chain [mm]")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, fontsize=9, frameon=False)
@@ -116,8 +118,8 @@ def _draw_bends(axes: Axes, motion: Motion) -> None:
     from matplotlib.ticker import MaxNLocator
 
     clock, name = _clock(motion)
-    common = motion.common
-    edges = np.diff(common.joints, axis=1) / common.links[:, None]
+    model = motion.model
+    edges = np.diff(model.joints, axis=1) / model.links[:, None]
     bends = np.degrees(np.arccos(np.clip(np.einsum("fcx,fcx->fc", edges[:, 1:], edges[:, :-1]), -1.0, 1.0)))
     if bends.shape[1] == 0:
         axes.text(0.5, 0.5, "one segment: no joints", ha="center", va="center", transform=axes.transAxes)

@@ -1,4 +1,4 @@
-"""Why frames of a recording are set aside, and what may be wrong with all of it: the codes in its report, explained.
+"""Why captures of a recording are excluded, and what may be wrong with all of it: the codes in its report, explained.
 
 Imports nothing heavy: `dlogen explain` reads it.
 """
@@ -21,7 +21,7 @@ def _reason(code: str, meaning: str, what_to_do: str) -> Explanation:
     return declared(_declared, Explanation(code, "sequence", meaning, what_to_do))
 
 
-# Of single frames.
+# Of single captures.
 
 FAILED = _reason(
     "failed",

@@ -1,6 +1,6 @@
 """Rigid links fitted to curves: one chain of constant link lengths for every shape that the object takes.
 
-Joints that lie on the curve, a chord's length apart (paper Eq. 18-20), are other places of the object in every frame:
+Joints that lie on the curve, a chord's length apart (paper Eq. 18-20), are other places of the object in every capture:
 the more it bends, the more of it a chord spans. Here a link is as long as the piece of the object that it stands for,
 so that joints are material points. Where the object bends they lie a little outside the curve, and the curve runs on
 both sides of its chain, as a circle does between the corners and the sides of a polygon of the same circumference.
@@ -67,13 +67,13 @@ class Shape:
         u = (coordinates - self.start[:, None]) / self.lengths[:, None] * last
         i = np.clip(u.astype(np.intp), 0, last - 1)
         t = (u - i)[..., None]
-        frame = np.arange(len(self.curves))[:, None]
-        points: Array = (1.0 - t) * self.curves[frame, i] + t * self.curves[frame, i + 1]
+        row = np.arange(len(self.curves))[:, None]
+        points: Array = (1.0 - t) * self.curves[row, i] + t * self.curves[row, i + 1]
         return points
 
-    def of(self, frames: list[int]) -> Shape:
+    def of(self, captures: list[int]) -> Shape:
         """Some of them."""
-        return Shape(self.curves[frames], self.lengths[frames], self.length, self.start[frames])
+        return Shape(self.curves[captures], self.lengths[captures], self.length, self.start[captures])
 
 
 def fit_links(shape: Shape, links: Array) -> Array:
@@ -81,7 +81,7 @@ def fit_links(shape: Shape, links: Array) -> Array:
 
     Minimises the integral of |q(sigma) - f(sigma)|^2 over each object, where the chain's point q(sigma) lies between
     the joints x_i that enclose sigma, subject to |x_(i+1) - x_i| = l_i. Gauss-Newton steps with Lagrange multipliers
-    (Nocedal & Wright, Numerical Optimization, section 18.1); the equations of all frames are one banded system.
+    (Nocedal & Wright, Numerical Optimization, section 18.1); the equations of all captures are one banded system.
 
     Args:
         shape: the curves.
@@ -90,15 +90,15 @@ def fit_links(shape: Shape, links: Array) -> Array:
     Returns:
         (F, n + 1, 3) joints. Link lengths are exact to rounding.
     """
-    count, frames = len(links), len(shape.curves)
+    count, captures = len(links), len(shape.curves)
     ends = np.concatenate([[0.0], np.cumsum(links)])
-    target = shape.points((ends[:-1, None] + links[:, None] * _NODES).ravel()).reshape(frames, count, len(_NODES), 3)
-    right = np.zeros((frames, count + 1, 3))
+    target = shape.points((ends[:-1, None] + links[:, None] * _NODES).ravel()).reshape(captures, count, len(_NODES), 3)
+    right = np.zeros((captures, count + 1, 3))
     right[:, :-1] += np.einsum("fckx,k->fcx", target, _WEIGHTS * (1.0 - _NODES)) * links[:, None]
     right[:, 1:] += np.einsum("fckx,k->fcx", target, _WEIGHTS * _NODES) * links[:, None]
     joints = _of_lengths(shape.points(ends), links)
-    tension = np.zeros((frames, count))
-    active = np.arange(frames)
+    tension = np.zeros((captures, count))
+    active = np.arange(captures)
     for _ in range(_MOST_STEPS):
         step, tension[active] = _step(joints[active], links, right[active], tension[active])
         # A link may turn by half a radian at most: the constraint is linear only nearby.
@@ -119,15 +119,15 @@ def _step(joints: Array, links: Array, right: Array, tension: Array) -> tuple[Ar
     (|e|^2 - l^2) / 2 of the links e, and H = M + sum lambda_i grad^2 c_i with pushes left out: H stays positive
     definite. In the order x_0, lambda_0, x_1, lambda_1, ... nothing is farther than four places from the diagonal.
     """
-    frames, count = joints.shape[0], len(links)
+    captures, count = joints.shape[0], len(links)
     size = 4 * (count + 1)
     edges = np.diff(joints, axis=1)
     pull = np.maximum(tension, 0.0)
-    diagonal, beside = np.zeros((frames, count + 1)), links / 6.0 - pull
+    diagonal, beside = np.zeros((captures, count + 1)), links / 6.0 - pull
     diagonal[:, :-1] += links / 3.0 + pull
     diagonal[:, 1:] += links / 3.0 + pull
-    # bands[4 + row - column, frame, column]
-    bands = np.zeros((9, frames, count + 1, 4))
+    # bands[4 + row - column, capture, column]
+    bands = np.zeros((9, captures, count + 1, 4))
     bands[4, :, :, :3] = diagonal[..., None]
     bands[4, :, -1, 3] = 1.0  # there is no link after the last joint
     bands[8, :, :-1, :3] = beside[..., None]
@@ -137,12 +137,12 @@ def _step(joints: Array, links: Array, right: Array, tension: Array) -> tuple[Ar
         bands[4 - 1 - axis, :, 1:, axis] = edges[..., axis]  # row lambda_i, column x_(i+1)
         bands[4 - 3 + axis, :, :-1, 3] = -edges[..., axis]  # row x_i, column lambda_i
         bands[4 + 1 + axis, :, :-1, 3] = edges[..., axis]  # row x_(i+1), column lambda_i
-    known = np.zeros((frames, count + 1, 4))
+    known = np.zeros((captures, count + 1, 4))
     known[..., :3] = right
     known[:, :-1, :3] -= links[:, None] * (joints[:, :-1] / 3.0 + joints[:, 1:] / 6.0)
     known[:, 1:, :3] -= links[:, None] * (joints[:, :-1] / 6.0 + joints[:, 1:] / 3.0)
     known[:, :-1, 3] = 0.5 * (links**2 - np.einsum("fcx,fcx->fc", edges, edges))
-    solved = solve_banded((4, 4), bands.reshape(9, frames * size), known.ravel()).reshape(frames, count + 1, 4)
+    solved = solve_banded((4, 4), bands.reshape(9, captures * size), known.ravel()).reshape(captures, count + 1, 4)
     return solved[..., :3], solved[:, :-1, 3]
 
 
@@ -173,15 +173,15 @@ def deviations(shape: Shape, joints: Array, links: Array) -> Array:
     As `dlogen.stages.chain.deviation`: of a point of the curve to the link that its piece belongs to, and of a joint
     to the two pieces that meet there.
     """
-    frames, count = len(joints), len(links)
+    captures, count = len(joints), len(links)
     ends = np.concatenate([[0.0], np.cumsum(links)])
     at = ends[:-1, None] + links[:, None] * np.linspace(0.0, 1.0, _SAMPLES)
-    pieces = shape.points(at.ravel()).reshape(frames, count, _SAMPLES, 3)
+    pieces = shape.points(at.ravel()).reshape(captures, count, _SAMPLES, 3)
     of_curve = _to_segments(pieces, joints[:, :-1, None], joints[:, 1:, None]).max(axis=(1, 2))
     # Joint i against piece i - 1 and piece i.
     own = _to_segments(joints[:, :-1, None], pieces[:, :, :-1], pieces[:, :, 1:]).min(axis=2)
     before = _to_segments(joints[:, 1:, None], pieces[:, :, :-1], pieces[:, :, 1:]).min(axis=2)
-    of_joints = np.full((frames, count + 1), np.inf)
+    of_joints = np.full((captures, count + 1), np.inf)
     of_joints[:, :-1] = own
     of_joints[:, 1:] = np.minimum(of_joints[:, 1:], before)
     result: Array = np.maximum(of_curve, of_joints.max(axis=1))

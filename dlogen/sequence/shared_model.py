@@ -1,4 +1,4 @@
-"""One model for all frames: which frames to believe, what they have in common, and a chain of rigid links for each."""
+"""One model for all captures: which ones to believe, what they have in common, and a chain of rigid links for each."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from dlogen.config.defaults import R_PER_E_MAX
 from dlogen.config.fields import AUTO
 from dlogen.config.sections import Segmentation
 from dlogen.errors import FitError
+from dlogen.sequence.captures import CaptureFit
 from dlogen.sequence.interpolation import filled_in, smoothed
 from dlogen.sequence.orientation import directions, hidden_ends, misfits, unclear_directions
-from dlogen.sequence.outliers import Aside, Observed, Sizes, common_sizes, set_aside
+from dlogen.sequence.outliers import Exclusion, Sizes, common_sizes, exclusion_by_size
 from dlogen.sequence.reasons import LENGTH, RADIUS
 from dlogen.sequence.rigid_links import Shape, deviations, equal_links, fewest_links, fit_links, links_of_length
 from dlogen.stages.segmentation.segment_length import max_segment_length
@@ -35,10 +36,10 @@ _STENCIL = 10
 
 @dataclass(frozen=True)
 class Bend:
-    """The tightest bend of a recording: its radius in metres, the frame and the place in [0, 1]."""
+    """The tightest bend of a recording: its radius in metres, the capture and the place in [0, 1]."""
 
     radius: float
-    frame: int
+    capture: int
     s: float
 
 
@@ -47,37 +48,37 @@ class Doubt:
     """What may be wrong with the model or the motion as a whole.
 
     Attributes:
-        code: "sizes" (the frames are not those of one object) or "direction" (which end is first may change).
-        message: one sentence, with figures.
-        frame: from which on; None if it is about all.
+        code: "sizes" (the captures are not those of one object) or "direction" (which end is first may change).
+        message: one sentence, with numbers.
+        capture: from which on; None if it is about all.
     """
 
     code: str
     message: str
-    frame: int | None = None
+    capture: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class Common:
-    """One object in several frames.
+class SharedModel:
+    """One object in several captures.
 
     Attributes:
-        observed: F frames as their own fits have them.
-        asides: (F) why a frame is set aside; None for good ones.
-        sizes: what the good frames have in common.
+        captures: F captures as their own fits have them.
+        exclusions: (F) why a capture is excluded; None for good ones.
+        sizes: what the good captures have in common.
         criterion: what decided on the links: "fewest", "paper", "segments", "segment_length" or "bend_radius".
         e_max: largest deviation allowed, metres.
         links: (n,) link lengths, metres.
-        reverse: (F,) whether the frame's own curve runs the other way.
-        joints: (F, n + 1, 3) metres; NaN for frames that have no chain.
-        deviation: (F,) largest distance between a frame's curve and its chain, metres; NaN where it is set aside.
-        bend: the tightest one of the good frames.
-        reference: the good frame that is bent the least at its joints.
+        reverse: (F,) whether the capture's own curve runs the other way.
+        joints: (F, n + 1, 3) metres; NaN for captures that have no chain.
+        deviation: (F,) largest distance between a capture's curve and its chain, metres; NaN where it is excluded.
+        bend: the tightest one of the good captures.
+        reference: the good capture that is bent the least at its joints.
         doubts: about all of it.
     """
 
-    observed: tuple[Observed, ...]
-    asides: tuple[Aside | None, ...]
+    captures: tuple[CaptureFit, ...]
+    exclusions: tuple[Exclusion | None, ...]
     sizes: Sizes
     criterion: str
     e_max: float
@@ -91,56 +92,56 @@ class Common:
 
     @property
     def good(self) -> BoolArray:
-        """(F,) frames that are not set aside."""
-        return np.array([aside is None for aside in self.asides])
+        """(F,) captures that are not excluded."""
+        return np.array([exclusion is None for exclusion in self.exclusions])
 
 
-def common_model(
-    observed: Sequence[Observed],
+def shared_model(
+    captures: Sequence[CaptureFit],
     times: Array | None = None,
     *,
     segmentation: Segmentation | None = None,
     e_max: float | None = None,
     smooth: bool = False,
-) -> Common:
-    """The model that all frames share, and its chain in each.
+) -> SharedModel:
+    """The model that all captures share, and its chain in each.
 
     Args:
-        observed: the frames; in the order of time, if there is one.
-        times: (F,) seconds, increasing. With them, the same end is first in all frames by their motion, frames that do
-            not fit between their neighbours are set aside, and frames that are set aside get a chain from those
-            around them. Without, directions are those in which the ends are nearest to those of the first good frame.
+        captures: those of the object; in the order of time, if there is one.
+        times: (F,) seconds, increasing. With them, the same end is first in all captures by their motion, those that
+            do not fit between their neighbours are excluded, and those that are excluded get a chain from the ones
+            around them. Without, directions are those in which the ends are nearest to those of the first good capture.
         segmentation: how long the links are; see `dlogen.config.sections`. Joints are material points beside the curve,
             whatever its `placement`.
-        e_max: largest distance allowed between the curve of a good frame and its chain, metres; half of the radius by
+        e_max: largest distance allowed between the curve of a good capture and its chain, metres; half of the radius by
             default.
-        smooth: even out the noise from frame to frame; see `dlogen.sequence.interpolation.smoothed`.
+        smooth: even out the noise from capture to capture; see `dlogen.sequence.interpolation.smoothed`.
 
     Raises:
-        FitError: no frame can be believed, or there would be more than 2000 links.
+        FitError: no capture can be believed, or there would be more than 2000 links.
     """
-    asides = [
-        Aside("doubtful" if item.points is not None else "failed", item.problem) if item.problem else None
-        for item in observed
+    exclusions = [
+        Exclusion("doubtful" if item.points is not None else "failed", item.problem) if item.problem else None
+        for item in captures
     ]
-    sizes = common_sizes(observed, _good(asides, observed))
-    for k, item in enumerate(observed):
-        asides[k] = asides[k] or set_aside(item, sizes)
-    doubts = _of_sizes(observed, asides, sizes)
-    used = np.flatnonzero(_good(asides, observed)).tolist()
-    shape = _shape([observed[k] for k in used], sizes.length.value)
-    reverse = np.zeros(len(observed), dtype=bool)
+    sizes = common_sizes(captures, _good(exclusions, captures))
+    for k, item in enumerate(captures):
+        exclusions[k] = exclusions[k] or exclusion_by_size(item, sizes)
+    doubts = _of_sizes(captures, exclusions, sizes)
+    used = np.flatnonzero(_good(exclusions, captures)).tolist()
+    shape = _shape([captures[k] for k in used], sizes.length.value)
+    reverse = np.zeros(len(captures), dtype=bool)
     if times is None:
         reverse[used] = _nearest_ends(shape.points(np.array([0.0, sizes.length.value])))
     else:
         reverse[used], wrong = _by_motion(shape, times[used], sizes.radius.value)
-        for k, aside in zip(used, wrong, strict=True):
-            asides[k] = aside
-    sizes = common_sizes(observed, _good(asides, observed))
-    good = np.flatnonzero(_good(asides, observed)).tolist()
-    shape = _shape([observed[k] for k in good], sizes.length.value, reverse[good])
+        for k, exclusion in zip(used, wrong, strict=True):
+            exclusions[k] = exclusion
+    sizes = common_sizes(captures, _good(exclusions, captures))
+    good = np.flatnonzero(_good(exclusions, captures)).tolist()
+    shape = _shape([captures[k] for k in good], sizes.length.value, reverse[good])
     if times is not None:
-        doubts += _of_directions(observed, good, shape, times)
+        doubts += _of_directions(captures, good, shape, times)
         shape = _with_hidden_ends(shape, times[good], 3.0 * sizes.length.spread)
 
     e_max = sizes.radius.value / R_PER_E_MAX if e_max is None else e_max
@@ -150,17 +151,17 @@ def common_model(
     if smooth and times is not None:
         # Both ends make the noise of the length.
         fitted = smoothed(fitted, links, times[good], 2.0 * sizes.length.spread)
-    joints = np.full((len(observed), len(links) + 1, 3), np.nan)
+    joints = np.full((len(captures), len(links) + 1, 3), np.nan)
     joints[good] = fitted
-    deviation = np.full(len(observed), np.nan)
+    deviation = np.full(len(captures), np.nan)
     deviation[good] = deviations(shape, fitted, links)
     if times is not None:
-        joints = filled_in(joints, links, times, _good(asides, observed))
+        joints = filled_in(joints, links, times, _good(exclusions, captures))
     edges = np.diff(fitted, axis=1) / links[:, None]
     bends = 1.0 - np.einsum("fcx,fcx->fc", edges[:, 1:], edges[:, :-1])
-    return Common(
-        observed=tuple(observed),
-        asides=tuple(asides),
+    return SharedModel(
+        captures=tuple(captures),
+        exclusions=tuple(exclusions),
         sizes=sizes,
         criterion=criterion,
         e_max=e_max,
@@ -174,13 +175,13 @@ def common_model(
     )
 
 
-def _of_sizes(observed: Sequence[Observed], asides: Sequence[Aside | None], sizes: Sizes) -> list[Doubt]:
+def _of_sizes(captures: Sequence[CaptureFit], exclusions: Sequence[Exclusion | None], sizes: Sizes) -> list[Doubt]:
     """That the sizes are not those of one object: what they scatter about may be the size of none."""
-    believed = [item for item in observed if item.problem is None]
-    within = sum(aside is None for aside in asides)
+    believed = [item for item in captures if item.problem is None]
+    within = sum(exclusion is None for exclusion in exclusions)
     if len(believed) < 2 or (sizes.length.agreed and sizes.radius.agreed and 2 * within > len(believed)):
         return []
-    codes = Counter(aside.code for aside in asides if aside is not None)
+    codes = Counter(exclusion.code for exclusion in exclusions if exclusion is not None)
     what = (
         "radius" if codes[RADIUS.code] > codes[LENGTH.code] or sizes.length.agreed > sizes.radius.agreed else "length"
     )
@@ -194,30 +195,30 @@ def _of_sizes(observed: Sequence[Observed], asides: Sequence[Aside | None], size
     ]
 
 
-def _of_directions(observed: Sequence[Observed], good: list[int], shape: Shape, times: Array) -> list[Doubt]:
+def _of_directions(captures: Sequence[CaptureFit], good: list[int], shape: Shape, times: Array) -> list[Doubt]:
     places = np.linspace(0.0, shape.length, _DIRECTED)
     return [
         Doubt(
             "direction",
-            f"which end is first may be wrong from {observed[good[k]].name} on: the motion since "
-            f"{observed[good[k - 1]].name} is about as smooth the other way round",
+            f"which end is first may be wrong from {captures[good[k]].name} on: the motion since "
+            f"{captures[good[k - 1]].name} is about as smooth the other way round",
             good[k],
         )
         for k in unclear_directions(shape.points(places), times[good]).tolist()
     ]
 
 
-def _good(asides: Sequence[Aside | None], observed: Sequence[Observed]) -> BoolArray:
-    """(F,) which frames are not set aside.
+def _good(exclusions: Sequence[Exclusion | None], captures: Sequence[CaptureFit]) -> BoolArray:
+    """(F,) which captures are not excluded.
 
     Raises:
         FitError: all are.
     """
-    good = np.array([aside is None for aside in asides])
+    good = np.array([exclusion is None for exclusion in exclusions])
     if not good.any():
-        counts = Counter(aside.code for aside in asides if aside is not None)
+        counts = Counter(exclusion.code for exclusion in exclusions if exclusion is not None)
         said = ", ".join(f"{count} {code}" for code, count in counts.most_common())
-        first = next((f"{item.name}: {item.problem}" for item in observed if item.problem), "")
+        first = next((f"{item.name}: {item.problem}" for item in captures if item.problem), "")
         raise FitError(
             f"no frame can be believed: {said or 'there is none'}" + (f"; {first}" if first else ""),
             "try dlogen fit on one of them; dlogen sequence --keep-doubtful goes by doubtful ones as well",
@@ -226,29 +227,29 @@ def _good(asides: Sequence[Aside | None], observed: Sequence[Observed]) -> BoolA
     return good
 
 
-def _shape(observed: Sequence[Observed], length: float, reverse: BoolArray | None = None) -> Shape:
+def _shape(captures: Sequence[CaptureFit], length: float, reverse: BoolArray | None = None) -> Shape:
     """Curves, each with half of what it lacks in length at either end."""
-    curves = np.array([item.points for item in observed])
+    curves = np.array([item.points for item in captures])
     if reverse is not None:
         curves[reverse] = curves[reverse][:, ::-1]
-    lengths = np.array([item.length for item in observed])
+    lengths = np.array([item.length for item in captures])
     return Shape(curves, lengths, length, 0.5 * (length - lengths))
 
 
-def _by_motion(shape: Shape, times: Array, radius: float) -> tuple[BoolArray, list[Aside | None]]:
+def _by_motion(shape: Shape, times: Array, radius: float) -> tuple[BoolArray, list[Exclusion | None]]:
     """Which curves to reverse, and which do not fit between their neighbours in time."""
     compared = shape.points(np.linspace(0.0, shape.length, _COMPARED))
     # Every fifth, both ends among them.
     reverse, kept = directions(compared[:, :: (_COMPARED - 1) // (_DIRECTED - 1)], times, radius)
     compared[reverse] = compared[reverse][:, ::-1]
     off, allowed = misfits(compared, times, kept, radius)
-    asides = [
-        Aside("motion", f"{1e3 * far:.1f} mm from where its neighbours in time say (allowed {1e3 * most:.1f})")
+    exclusions = [
+        Exclusion("motion", f"{1e3 * far:.1f} mm from where its neighbours in time say (allowed {1e3 * most:.1f})")
         if far > most
         else None
         for far, most in zip(off, allowed, strict=True)
     ]
-    return reverse, asides
+    return reverse, exclusions
 
 
 def _with_hidden_ends(shape: Shape, times: Array, noise: float) -> Shape:
@@ -285,22 +286,22 @@ def _tightest(shape: Shape) -> tuple[float, int, float]:
     return (1.0 / most if most > 0.0 else np.inf), which, float(s)
 
 
-def _links(shape: Shape, e_max: float, radius: float, wish: Segmentation) -> tuple[str, Array]:
+def _links(shape: Shape, e_max: float, radius: float, segmentation: Segmentation) -> tuple[str, Array]:
     """What decides on the links, and their lengths.
 
     Raises:
         FitError: there would be too many.
     """
     length = shape.length
-    known = [1.0 / wish.curvature_max] if wish.curvature_max != AUTO else []
-    known += [wish.min_bend_radius] if wish.min_bend_radius != AUTO else []
-    if wish.segments != AUTO:
-        return "segments", equal_links(length, wish.segments)
-    if wish.segment_length != AUTO:
-        criterion, link = "segment_length", wish.segment_length
+    known = [1.0 / segmentation.curvature_max] if segmentation.curvature_max != AUTO else []
+    known += [segmentation.min_bend_radius] if segmentation.min_bend_radius != AUTO else []
+    if segmentation.segments != AUTO:
+        return "segments", equal_links(length, segmentation.segments)
+    if segmentation.segment_length != AUTO:
+        criterion, link = "segment_length", segmentation.segment_length
     elif known:
         criterion, link = "bend_radius", max_segment_length(e_max, known[0])
-    elif wish.criterion == "paper":
+    elif segmentation.criterion == "paper":
         criterion, link = "paper", max_segment_length(e_max, radius)
     else:
         count = fewest_links(shape, e_max, _MOST_LINKS)

@@ -1,4 +1,4 @@
-"""When each frame of a recording was taken: by a list, by the names of the files, or by their rate."""
+"""When each capture of a recording was taken: by a list, by the names of the files, or by their rate."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _SECONDS = 10**9
 
 @dataclass(frozen=True)
 class Times:
-    """When frames were taken.
+    """When captures were taken.
 
     Attributes:
-        order: indices of the frames in the order of time.
-        seconds: of the frames in that order, increasing.
+        order: indices of the captures in the order of time.
+        seconds: of the captures in that order, increasing.
         source: "list", "names", "numbers" (of the names, at a rate) or "order" (of the names, at a rate).
-        assumed: whether a rate of one frame a second was assumed.
+        assumed: whether a rate of one capture a second was assumed.
     """
 
     order: tuple[int, ...]
@@ -35,22 +35,22 @@ class Times:
     assumed: bool = False
 
 
-def frame_times(names: Sequence[str], listed: Sequence[float | None] = (), rate: float | None = None) -> Times:
-    """Times of frames.
+def capture_times(names: Sequence[str], listed: Sequence[float | None] = (), rate: float | None = None) -> Times:
+    """Times of captures.
 
     - Where a list has a column `time`, that is it.
     - Otherwise the last number of each name: with a decimal point it is seconds; so large that it is a date after 2001,
-      it is seconds, milliseconds, microseconds or nanoseconds since 1970; otherwise it is the frame's number, and the
-      rate makes seconds of it, from the first frame on. A number that is missing is a gap.
+      it is seconds, milliseconds, microseconds or nanoseconds since 1970; otherwise it is the capture's number, and the
+      rate makes seconds of it, from the first capture on. A number that is missing is a gap.
     - Names without numbers are put in order (2 before 10) and follow one another at the rate.
 
     Args:
-        names: of the frames, without endings.
+        names: of the captures, without endings.
         listed: seconds by a list, or None.
-        rate: frames a second; 1 is assumed where it is needed.
+        rate: captures a second; 1 is assumed where it is needed.
 
     Raises:
-        UsageError: two frames have the same time; only some have one; or there are times, and a rate as well.
+        UsageError: two captures have the same time; only some have one; or there are times, and a rate as well.
     """
     if any(time is not None for time in listed):
         missing = [name for name, time in zip(names, listed, strict=True) if time is None]

@@ -1,4 +1,4 @@
-"""The motion of an object: for each frame the pose of the base and the values of the joints of one common model."""
+"""The motion of an object: for each capture the pose of the base and the values of the joints of one shared model."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ import numpy as np
 from dlogen.config.sections import JointSettings
 from dlogen.errors import ConfigError
 from dlogen.geometry.rotations import quaternion
-from dlogen.sequence.interpolation import base_rotations, hinge_values, smallest_rotations
-from dlogen.sequence.shared_model import Common
+from dlogen.sequence.joint_values import base_rotations, hinge_values, smallest_rotations
+from dlogen.sequence.shared_model import SharedModel
 from dlogen.stages.chain import build_chain
 from dlogen.types import Array, BoolArray, Chain, Joints, Pose
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Poses of the common model.
+    """Poses of the shared model.
 
     Attributes:
-        common: the model, and the frames that it was made from.
+        model: the shared one, and the captures that it was made from.
         times: (F,) seconds; None where there is no order in time.
-        chain: the common model in the reference frame.
-        base_positions: (F, 3) metres; NaN for frames without a pose, here and below.
+        chain: the shared model in the reference capture.
+        base_positions: (F, 3) metres; NaN for captures without a pose, here and below.
         base_rotations: (F, 3, 3).
         values: (F, n - 1, dof) radians.
-        states: (F) "good", "interpolated" between good frames, "held" as the nearest good frame in time, or, where
+        states: (F) "good", "interpolated" between good captures, "held" as the nearest good capture in time, or, where
             there is no time, "none".
     """
 
-    common: Common
+    model: SharedModel
     times: Array | None
     chain: Chain
     base_positions: Array
@@ -40,7 +40,7 @@ class Motion:
 
     @property
     def posed(self) -> BoolArray:
-        """(F,) frames that have a pose."""
+        """(F,) captures that have a pose."""
         return np.array([state != "none" for state in self.states])
 
     @property
@@ -54,14 +54,14 @@ class Motion:
         return out
 
     def poses(self) -> tuple[Pose, ...]:
-        """Those of the frames that have one, under the names of the frames.
+        """Those of the captures that have one, under the names of the captures.
 
-        A model has poses called scanned and straight (`dlogen.multibody.model`): frames of that name get an underscore
-        behind it.
+        A model has poses called scanned and straight (`dlogen.multibody.model`): captures of that name get an
+        underscore behind it.
         """
         return tuple(
             Pose(
-                f"{name}_" if (name := self.common.observed[k].name) in ("scanned", "straight") else name,
+                f"{name}_" if (name := self.model.captures[k].name) in ("scanned", "straight") else name,
                 self.base_positions[k],
                 self.base_rotations[k],
                 self.values[k],
@@ -71,39 +71,37 @@ class Motion:
         )
 
 
-def motion_of(common: Common, times: Array | None, settings: JointSettings) -> Motion:
-    """Poses of the common model in all frames that have a chain.
+def motion_of(model: SharedModel, times: Array | None, settings: JointSettings) -> Motion:
+    """Poses of the shared model in all captures that have a chain.
 
-    The base turns from frame to frame by the smallest rotation, and the values of the joints are continuous in time.
-    Without times, each frame is posed from the reference frame alone.
+    The base turns from capture to capture by the smallest rotation, and the values of the joints are continuous in
+    time. Without times, each capture is posed from the reference capture alone.
 
     Args:
-        common: the model and its chains.
+        model: the shared one, with its chains.
         times: (F,) seconds, increasing.
         settings: of the joints; `dof` and `zero` are used.
 
     Raises:
-        ConfigError: a good frame is bent more than `min_bend_radius` allows.
+        ConfigError: a good capture is bent more than `min_bend_radius` allows.
     """
     if not isinstance(settings.min_bend_radius, str):
-        _check_bends(common, settings.min_bend_radius)
-    links, reference = common.links, common.reference
+        _check_bends(model, settings.min_bend_radius)
+    links, reference = model.links, model.reference
     s = np.concatenate([[0.0], np.cumsum(links)]) / links.sum()
     s[-1] = 1.0
-    chain = build_chain(
-        Joints(s, common.joints[reference], float(links[0]), float(links[-1])), common.sizes.radius.value
-    )
+    chain = build_chain(Joints(s, model.joints[reference], float(links[0]), float(links[-1])), model.sizes.radius.value)
     own = chain.transforms[:, :3, :3]
     zero = (
         np.swapaxes(own[:-1], 1, 2) @ own[1:] if settings.zero == "scan" else np.tile(np.eye(3), (len(own) - 1, 1, 1))
     )
 
-    states = _states(common.good, times is not None)
+    states = _states(model.good, times is not None)
     posed = np.flatnonzero([state != "none" for state in states])
-    directions = np.diff(common.joints[posed], axis=1) / links[:, None]
+    directions = np.diff(model.joints[posed], axis=1) / links[:, None]
     first = int(np.searchsorted(posed, reference))
     if times is None:
-        # As if each came right after the reference frame.
+        # As if each came right after the reference capture.
         turns = smallest_rotations(np.tile(own[0, :, 0], (len(posed), 1)), directions[:, 0])
         bases = turns @ own[0]
         found = [
@@ -117,20 +115,20 @@ def motion_of(common: Common, times: Array | None, settings: JointSettings) -> M
     count = len(states)
     rotations, values = np.full((count, 3, 3), np.nan), np.full((count, len(links) - 1, settings.dof), np.nan)
     rotations[posed], values[posed] = bases, posed_values
-    return Motion(common, times, chain, common.joints[:, 0], rotations, values, states)
+    return Motion(model, times, chain, model.joints[:, 0], rotations, values, states)
 
 
-def _check_bends(common: Common, radius: float) -> None:
+def _check_bends(model: SharedModel, radius: float) -> None:
     """Refuse a smallest bend radius that the recording contradicts, by the chords of a circle."""
-    links, good = common.links, np.flatnonzero(common.good)
-    directions = np.diff(common.joints[good], axis=1) / links[:, None]
+    links, good = model.links, np.flatnonzero(model.good)
+    directions = np.diff(model.joints[good], axis=1) / links[:, None]
     turns = np.linalg.norm(np.diff(directions, axis=1), axis=2)
     # Of a bend by b, |d_(i+1) - d_i| = 2 sin(b / 2).
     radii = 0.5 * (links[:-1] + links[1:]) / np.maximum(turns, 1e-12)
     if radii.size and radii.min() < radius:
         k, i = np.unravel_index(int(np.argmin(radii)), radii.shape)
         raise ConfigError(
-            f"joints.min_bend_radius = {radius:g} m, but {common.observed[good[k]].name} is bent to "
+            f"joints.min_bend_radius = {radius:g} m, but {model.captures[good[k]].name} is bent to "
             f"{radii[k, i]:.4g} m at joint {i + 1}",
             f"set it to {0.95 * radii[k, i]:.2g} or less, or leave it at auto",
         )

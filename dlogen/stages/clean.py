@@ -85,7 +85,7 @@ def vectors(values: npt.ArrayLike, what: str) -> Array:
 def _unit(normals: Array) -> Array | None:
     """Normals of unit length; zero where that is impossible, None where that happens too often."""
     with np.errstate(all="ignore"):
-        unit = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        unit: Array = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     unusable = ~np.isfinite(unit).all(axis=1)
     if unusable.mean() > _MAX_UNUSABLE_NORMALS:
         return None

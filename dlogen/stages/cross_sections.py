@@ -98,7 +98,8 @@ def _circle(u: Array, v: Array, weight: Array) -> tuple[Array, Array, Array]:
     z = x * x + y * y
 
     def mean(value: Array) -> Array:
-        return (weight * value).sum(axis=1) / total
+        mean: Array = (weight * value).sum(axis=1) / total
+        return mean
 
     xx, yy, xy, xz, yz, zz = mean(x * x), mean(y * y), mean(x * y), mean(x * z), mean(y * z), mean(z * z)
     mz = xx + yy

@@ -48,6 +48,15 @@ def extract(
     Raises:
         FitError: nothing, or nearly everything, differs from the background, or only specks do.
         InputError: a cloud without points, or organised clouds of different sizes or poses.
+
+    >>> import dlogen, numpy as np
+    >>> table = np.stack(np.meshgrid(np.arange(0, 1, 0.02), np.arange(0, 1, 0.02)), axis=-1).reshape(-1, 2)
+    >>> background = np.column_stack([table, np.zeros(len(table))])
+    >>> cable = dlogen.synth("straight", points=2000).points * [0.5, 0.5, 1.0] + [0.3, 0.6, 0.1]
+    >>> scene = dlogen.RawCloud(np.concatenate([background, cable]))
+    >>> found = dlogen.extract(scene, dlogen.RawCloud(background), count=1000)
+    >>> len(found), bool(found.points[:, 2].min() > 0.05)
+    (1000, True)
     """
     seen = int(_finite(scene).sum())
     for cloud, what, points in ((scene, "scene", seen), (background, "background", int(_finite(background).sum()))):
@@ -200,7 +209,8 @@ def main_parts(points: Array, farthest: float = np.inf) -> BoolArray:
         chosen = points[np.random.default_rng(0).choice(len(points), _MOST, replace=False)]
         # Thinned out, they are farther apart by the square root of how many there were for each: they fill a surface.
         thinned = farthest * np.sqrt(len(points) / _MOST)
-        return main_parts(chosen, thinned)[cKDTree(chosen).query(points)[1]]
+        belongs: BoolArray = main_parts(chosen, thinned)[cKDTree(chosen).query(points)[1]]
+        return belongs
     tree = cKDTree(points)
     pairs = tree.query_pairs(min(_LINK * _spacing(tree), farthest), output_type="ndarray")
     neighbours = np.bincount(pairs.ravel(), minlength=len(points))

@@ -85,6 +85,14 @@ class Chain(ShortRepr):
             rotation-minimising from one segment to the next.
         lengths: (n,) segment lengths, metres.
         radius: radius of the object, metres.
+
+    >>> import dlogen
+    >>> result = dlogen.fit(dlogen.synth("bent", points=2000, seed=1).points, {"e_max": 0.05})
+    >>> chain = result.chain
+    >>> chain.joints.shape, chain.transforms.shape
+    ((11, 3), (10, 4, 4))
+    >>> bool(abs(chain.transforms[:, :3, 3] - 0.5 * (chain.joints[1:] + chain.joints[:-1])).max() < 1e-12)  # Eq. 2
+    True
     """
 
     joints: Array

@@ -22,6 +22,10 @@ class RawCloud(ShortRepr):
         encoding: how the points are stored ("ascii", "binary_little_endian", "binary_compressed", ...).
         comments: comment lines of the header, without the keyword.
         sha256: of the file, if there is one.
+
+    >>> import dlogen, numpy as np
+    >>> dlogen.RawCloud(np.full((6, 3), np.nan), width=3, height=2).organised
+    True
     """
 
     points: Array
@@ -74,6 +78,10 @@ class Cloud(ShortRepr):
         dropped: counts of what was left out on reading.
         source: file that it was read from; None for arrays.
         orientation: (4,) quaternion qw qx qy qz of the sensor, if the file stores one.
+
+    >>> import dlogen, numpy as np
+    >>> dlogen.Cloud(np.array([[0.0, 0.0, 0.1], [0.0, 0.1, 0.0]]))
+    Cloud(points=array (2, 3), normals=None, viewpoint=None, dropped=Dropped, source=None, orientation=None)
     """
 
     points: Array

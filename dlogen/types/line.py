@@ -69,6 +69,13 @@ class Skeleton(ShortRepr):
         weights: (N, 3) the paper's W, metres.
         offset: (3,) a constant added to the sum, metres. It keeps the sum accurate far from the origin.
         length: arc length, metres.
+
+    >>> import dlogen
+    >>> result = dlogen.fit(dlogen.synth("bent", points=2000, seed=1).points, {"e_max": 0.05})
+    >>> result.skeleton(0.5).shape, result.skeleton(0.5, derivative=1).shape
+    ((3,), (3,))
+    >>> bool(abs(result.skeleton.length - 4.84) < 0.01)
+    True
     """
 
     basis: Basis

@@ -50,6 +50,11 @@ class Finding:
         severity: "note" leaves the verdict alone, "doubtful" and "bad" lower it.
         s: material coordinate that it is at, if any.
         position: place in space, metres, if any.
+
+    >>> import dlogen
+    >>> result = dlogen.fit(dlogen.synth("straight", points=4000, gaps=[(0.4, 0.5)], seed=1).points)
+    >>> [(finding.code, finding.severity) for finding in result.quality.findings]
+    [('gap', 'doubtful')]
     """
 
     code: str

@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dlogen.batch.job import Failure, Plan, Task, failure_of, paths_of, remove_temporaries, work, write_files
-from dlogen.batch.metrics import FIGURES
+from dlogen.batch.job import Failure, Plan, Task, failure_of, run_job
+from dlogen.batch.metrics import METRICS
 from dlogen.config.reader import load_config
 from dlogen.errors import ConfigError, FitError, InputError, OutputError
-from dlogen.io.atomic import temporary_prefix
 from dlogen.io.cloud_files import write_cloud
 from dlogen.io.outputs import Outputs
 
@@ -24,14 +23,14 @@ def names(folder: Path) -> list[str]:
 
 
 def test_writes_the_results_and_says_how_it_went(clouds: tuple[Path, ...], plan: Plan, tmp_path: Path) -> None:
-    outcome = work(plan, Task(str(clouds[0]), "sub/cable"))
+    outcome = run_job(plan, Task(str(clouds[0]), "sub/cable"))
     assert outcome.failure is None
     assert outcome.verdict in ("good", "doubtful")
     assert names(tmp_path / "out" / "sub") == ["cable.json", "cable.report.json"]
     chain = json.loads((tmp_path / "out" / "sub" / "cable.json").read_text())
-    assert outcome.figures["segment_count"] == chain["segment_count"]
-    assert outcome.figures["max_deviation"] == pytest.approx(chain["max_deviation"], abs=1e-9)
-    assert set(outcome.figures) == {item.name for item in FIGURES}
+    assert outcome.metrics["segment_count"] == chain["segment_count"]
+    assert outcome.metrics["max_deviation"] == pytest.approx(chain["max_deviation"], abs=1e-9)
+    assert set(outcome.metrics) == {item.name for item in METRICS}
     assert outcome.sha256 == chain["provenance"]["sha256"]
     assert outcome.files is None
     assert outcome.seconds >= sum(outcome.timings.values()) > 0.0
@@ -39,10 +38,10 @@ def test_writes_the_results_and_says_how_it_went(clouds: tuple[Path, ...], plan:
 
 
 def test_without_a_folder_the_results_come_back(clouds: tuple[Path, ...], plan: Plan, tmp_path: Path) -> None:
-    work(plan, Task(str(clouds[0]), "cable"))
+    run_job(plan, Task(str(clouds[0]), "cable"))
     content = clouds[0].read_bytes()
     # The file is somewhere else, or of another system: its bytes are all there is.
-    outcome = work(replace(plan, folder=None), Task(f"/elsewhere/{clouds[0].name}", "cable", content=content))
+    outcome = run_job(replace(plan, folder=None), Task(f"/elsewhere/{clouds[0].name}", "cable", content=content))
     assert outcome.files == {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
 
 
@@ -53,9 +52,9 @@ def test_own_settings_win_over_common_ones_and_the_command_line_over_both(
     own.write_text("e_max: 0.003\n")
 
     def e_max(plan: Plan, task: Task) -> float:
-        outcome = work(plan, task)
+        outcome = run_job(plan, task)
         assert outcome.failure is None
-        return outcome.figures["e_max"]
+        return outcome.metrics["e_max"]
 
     cloud = str(clouds[0])
     with_common = replace(plan, config=load_config(None, ["e_max=0.002", "profile=paper"]))
@@ -78,23 +77,23 @@ def test_only_files_are_read(kind: str, clouds: tuple[Path, ...], plan: Plan, tm
     else:
         # It never ends.
         path.symlink_to("/dev/zero")
-    failure = work(plan, Task(str(path), "x")).failure
+    failure = run_job(plan, Task(str(path), "x")).failure
     assert failure is not None
     assert failure.code == "input"
     assert "not a file" in failure.message
     assert failure.hint
     # A configuration as well.
-    failure = work(plan, Task(str(clouds[0]), "x", str(path))).failure
+    failure = run_job(plan, Task(str(clouds[0]), "x", str(path))).failure
     assert failure is not None
     assert failure.code == "config"
     assert "not a file" in failure.message
 
 
 def test_failures_have_a_code_and_say_what_to_try(clouds: tuple[Path, ...], plan: Plan, tmp_path: Path) -> None:
-    missing = work(plan, Task(str(tmp_path / "missing.ply"), "x")).failure
+    missing = run_job(plan, Task(str(tmp_path / "missing.ply"), "x")).failure
     assert missing is not None
     assert (missing.code, missing.stops_all) == ("input", False)
-    wrong = work(plan, Task(str(clouds[0]), "x", "own.yaml", "e_maxx: 1\n")).failure
+    wrong = run_job(plan, Task(str(clouds[0]), "x", "own.yaml", "e_maxx: 1\n")).failure
     assert wrong is not None
     assert wrong.code == "config"
     assert "own.yaml" in wrong.message
@@ -102,13 +101,13 @@ def test_failures_have_a_code_and_say_what_to_try(clouds: tuple[Path, ...], plan
     assert wrong.hint == "did you mean 'e_max'?"
     directions = np.random.default_rng(0).normal(size=(500, 3))
     write_cloud(tmp_path / "ball.ply", directions / np.linalg.norm(directions, axis=1, keepdims=True))
-    unfit = work(plan, Task(str(tmp_path / "ball.ply"), "x"))
+    unfit = run_job(plan, Task(str(tmp_path / "ball.ply"), "x"))
     assert unfit.failure is not None
     assert unfit.failure.code == "fit"
     # It was read.
     assert unfit.sha256 is not None
     (tmp_path / "out" / "x.json").mkdir(parents=True)
-    output = work(plan, Task(str(clouds[0]), "x")).failure
+    output = run_job(plan, Task(str(clouds[0]), "x")).failure
     assert output is not None
     assert output.hint
     assert output.code == "output"
@@ -121,7 +120,7 @@ def test_running_out_of_memory_is_a_failure_of_the_cloud(
         raise MemoryError
 
     monkeypatch.setattr("dlogen.pipeline.fit", full)
-    failure = work(plan, Task(str(clouds[0]), "x")).failure
+    failure = run_job(plan, Task(str(clouds[0]), "x")).failure
     assert failure is not None
     assert failure.code == "memory"
 
@@ -133,7 +132,7 @@ def test_a_bug_of_ours_is_a_failure_of_the_cloud(
         raise ZeroDivisionError("sum of nothing")
 
     monkeypatch.setattr("dlogen.pipeline.fit", wrong)
-    failure = work(plan, Task(str(clouds[0]), "x")).failure
+    failure = run_job(plan, Task(str(clouds[0]), "x")).failure
     assert failure is not None
     assert failure.code == "internal"
     assert "ZeroDivisionError: sum of nothing" in failure.message
@@ -162,31 +161,3 @@ def test_the_digest_tells_everything_apart_that_matters(plan: Plan) -> None:
     # Where it lies does not.
     assert plan.digest(replace(task, cloud="b.ply", key="b")) == plan.digest(task)
     assert replace(plan, folder="elsewhere").digest(task) == plan.digest(task)
-
-
-def test_results_lie_below_the_folder_of_the_batch(tmp_path: Path) -> None:
-    made = paths_of(tmp_path, "a/b/x", Outputs(("urdf", "ros2"), plot=True))
-    assert tmp_path / "a" / "b" / "x.urdf" in made
-    assert tmp_path / "a" / "b" / "x.report.json" in made
-    assert tmp_path / "a" / "b" / "x.png" in made
-    assert tmp_path / "a" / "b" / "x_description" / "package.xml" in made
-    write_files(str(tmp_path), "a/b/x", {path.name: b"" for path in made[:1]})
-    assert made[0].exists()
-
-
-def test_temporary_files_of_a_process_that_was_killed(tmp_path: Path) -> None:
-    outputs = Outputs(("urdf", "ros2"))
-    own = [path.parent / f"{temporary_prefix(7)}abc.urdf" for path in paths_of(tmp_path, "a/x", outputs)]
-    other = tmp_path / "a" / f"{temporary_prefix(77)}abc.urdf"
-    elsewhere = tmp_path / "b" / f"{temporary_prefix(7)}abc.urdf"
-    result = tmp_path / "a" / "x.urdf"
-    for path in (*own, other, elsewhere, result):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(b"half")
-    remove_temporaries(tmp_path, "a/x", outputs, 7)
-    assert not any(path.exists() for path in own)
-    assert other.exists()
-    remove_temporaries(tmp_path, "a/x", outputs)
-    assert not other.exists()
-    assert elsewhere.exists()
-    assert result.exists()

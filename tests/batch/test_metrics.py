@@ -1,4 +1,4 @@
-"""The figures of a batch, and limits on them."""
+"""The metrics of a batch, and limits on them."""
 
 from __future__ import annotations
 
@@ -9,33 +9,33 @@ from typing import Any
 
 import pytest
 
-from dlogen.batch.metrics import FIGURES, Threshold, figures_of
+from dlogen.batch.metrics import METRICS, Threshold, metrics_of
 from dlogen.errors import UsageError
 from dlogen.types import Result
 
 
 def test_figures_are_those_of_the_result(make_result: Callable[..., Result], circle: Callable[..., Any]) -> None:
     result = make_result(circle(0.5, 2.0), 0.01, 0.004)
-    figures = figures_of(result)
-    assert list(figures) == [item.name for item in FIGURES]
-    assert figures["length"] == pytest.approx(1.0, rel=1e-4)
-    assert figures["radius"] == 0.01
-    assert figures["e_max"] == 0.004
-    assert figures["points"] == 400
-    assert isinstance(figures["segment_count"], int)
+    metrics = metrics_of(result)
+    assert list(metrics) == [item.name for item in METRICS]
+    assert metrics["length"] == pytest.approx(1.0, rel=1e-4)
+    assert metrics["radius"] == 0.01
+    assert metrics["e_max"] == 0.004
+    assert metrics["points"] == 400
+    assert isinstance(metrics["segment_count"], int)
     # A chord of an arc with this sagitta: (n - 1) of them, and a shorter one.
     chord = 2 * math.sqrt(2 * 0.5 * 0.004 - 0.004**2)
-    assert figures["segment_length"] == pytest.approx(chord, rel=0.02)
-    assert figures["last_segment_length"] <= figures["segment_length"]
-    assert figures["max_deviation"] == pytest.approx(0.004, rel=0.05)
-    assert figures["mdtw_mean"] <= figures["mdtw_max"]
-    assert all(type(value) in (int, float) for value in figures.values())
+    assert metrics["segment_length"] == pytest.approx(chord, rel=0.02)
+    assert metrics["last_segment_length"] <= metrics["segment_length"]
+    assert metrics["max_deviation"] == pytest.approx(0.004, rel=0.05)
+    assert metrics["mdtw_mean"] <= metrics["mdtw_max"]
+    assert all(type(value) in (int, float) for value in metrics.values())
 
 
 def test_what_is_not_a_number_is_left_out(make_result: Callable[..., Result], circle: Callable[..., Any]) -> None:
     result = make_result(circle(0.5, 2.0))
     wrong = replace(result, residual=replace(result.residual, rms=math.nan), max_deviation=math.inf)
-    assert set(figures_of(result)) - set(figures_of(wrong)) == {"residual_rms", "max_deviation"}
+    assert set(metrics_of(result)) - set(metrics_of(wrong)) == {"residual_rms", "max_deviation"}
 
 
 def test_limits() -> None:

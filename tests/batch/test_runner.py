@@ -13,9 +13,9 @@ import pytest
 
 from dlogen.batch.discover import find_items
 from dlogen.batch.item import Item
-from dlogen.batch.job import Failure, Outcome, Plan, Task, work
-from dlogen.batch.runner import Batch, Settings, shown
-from dlogen.batch.store import Ledger, Row
+from dlogen.batch.job import Failure, Outcome, Plan, Task, run_job
+from dlogen.batch.runner import Batch, BatchOptions, shown
+from dlogen.batch.store import Row, Store
 from dlogen.config.reader import load_config
 from dlogen.errors import OutputError
 from dlogen.io.atomic import temporary_prefix
@@ -40,7 +40,7 @@ class Here:
     def run(self, tasks: Iterator[Task]) -> Generator[Outcome, None, None]:
         for task in tasks:
             failure = self.failures.get(task.key)
-            yield work(self.plan, task) if failure is None else Outcome(task.key, failure)
+            yield run_job(self.plan, task) if failure is None else Outcome(task.key, failure)
 
 
 @pytest.fixture
@@ -58,20 +58,20 @@ def run(
     """The records of what was done now, by key."""
     assert plan.folder is not None
     out = Path(plan.folder)
-    ledger = Ledger(out)
+    store = Store(out)
     try:
         found = find_items([str(folder)], out=out) if items is None else items
         sent = replace(plan, folder=None) if how.get("ship") else plan
-        batch = Batch(found, out, sent, ledger, Settings(**how))
+        batch = Batch(found, out, sent, store, BatchOptions(**how))
         rows = {row.key: row for row in batch.run(Here(sent, failures))}
         assert len(rows) == len(batch.todo)
         assert {row.key for row in batch.kept} | rows.keys() == {shown(item.key) for item in found}
         # What is on record is what was said.
-        on_record = {row.key: row.to_dict() for row in ledger.rows()}
+        on_record = {row.key: row.to_dict() for row in store.rows()}
         assert all(row.to_dict() == on_record[key] for key, row in rows.items())
         return rows
     finally:
-        ledger.close()
+        store.close()
 
 
 def status(rows: dict[str, Row]) -> dict[str, str]:
@@ -115,7 +115,7 @@ def test_what_has_changed_is_done_again(folder: Path, plan: Plan, clouds: tuple[
     (folder / "b.yaml").write_text("e_max: 0.004\n")
     rows = run(folder, plan)
     assert set(rows) == {"b"}
-    assert rows["b"].figures["e_max"] == 0.004
+    assert rows["b"].metrics["e_max"] == 0.004
     assert run(folder, plan) == {}
     (folder / "b.yaml").write_text("e_max: 0.005\n")
     assert set(run(folder, plan)) == {"b"}
@@ -244,13 +244,13 @@ def test_after_a_kill_what_was_under_way_is_done_again_and_tidied_up(folder: Pat
                     continue
                 if task.key != "a":
                     raise Killed
-                yield work(self.plan, task)
+                yield run_job(self.plan, task)
 
-    ledger = Ledger(out)
+    store = Store(out)
     with pytest.raises(Killed):
-        list(Batch(items[:2] + items[-1:], out, plan, ledger).run(Dies(plan)))
-    assert {row.key: row.status for row in ledger.rows()} == {"a": "done", "b": "running", shown(f"{odd}/a"): "running"}
-    ledger.close()
+        list(Batch(items[:2] + items[-1:], out, plan, store).run(Dies(plan)))
+    assert {row.key: row.status for row in store.rows()} == {"a": "done", "b": "running", shown(f"{odd}/a"): "running"}
+    store.close()
     (out / f"{temporary_prefix(5)}summary.csv").write_text("half")
     assert status(run(folder, plan)) == {"b": "done", "c": "done", shown(f"{odd}/a"): "done"}
     assert not list(out.rglob(f"{temporary_prefix()}*"))
@@ -263,9 +263,9 @@ def test_when_nothing_can_be_written_the_cloud_is_not_to_blame(folder: Path, pla
         run(folder, plan, {"b": full})
     assert raised.value.for_all
     assert plan.folder is not None
-    ledger = Ledger(Path(plan.folder))
-    assert {row.key: row.status for row in ledger.rows()} == {"a": "done", "b": "running"}
-    ledger.close()
+    store = Store(Path(plan.folder))
+    assert {row.key: row.status for row in store.rows()} == {"a": "done", "b": "running"}
+    store.close()
     assert status(run(folder, plan)) == {"b": "done", "c": "done"}
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from dlogen.batch.metrics import FIGURES
-from dlogen.batch.store import LOCK, NAME, Ledger, Row
+from dlogen.batch.metrics import METRICS
+from dlogen.batch.store import LOCK, NAME, Row, Store
 from dlogen.errors import OutputError, UsageError
 
 
@@ -22,7 +22,7 @@ def full_row(key: str = "a/x") -> Row:
         "done",
         verdict="good",
         findings="gap touching",
-        figures={item.name: i if item.whole else i / 7 for i, item in enumerate(FIGURES)},
+        metrics={item.name: i if item.whole else i / 7 for i, item in enumerate(METRICS)},
         seconds=0.25,
         timings='{"input": 0.1}',
         size=2**40,
@@ -36,15 +36,15 @@ def full_row(key: str = "a/x") -> Row:
 
 def test_records_come_back_as_they_were(tmp_path: Path) -> None:
     failed = Row("b", "in/new\nline 'ü'.ply", "failed", code="fit", error="e", hint="h", stage="s")
-    ledger = Ledger(tmp_path / "made" / "here")
+    store = Store(tmp_path / "made" / "here")
     for row in (failed, full_row("c"), full_row(), Row("c", "in/c.ply", "running")):
-        ledger.write(row)
-    ledger.close()
-    again = Ledger(tmp_path / "made" / "here")
-    nothing = {item.name: None for item in FIGURES}
-    failed.figures = nothing
+        store.write(row)
+    store.close()
+    again = Store(tmp_path / "made" / "here")
+    nothing = {item.name: None for item in METRICS}
+    failed.metrics = nothing
     # In the order of the keys; the last one with a key counts.
-    assert list(again.rows()) == [full_row(), failed, Row("c", "in/c.ply", "running", figures=nothing)]
+    assert list(again.rows()) == [full_row(), failed, Row("c", "in/c.ply", "running", metrics=nothing)]
     again.close()
 
 
@@ -52,7 +52,7 @@ def test_a_line_of_json_is_for_users() -> None:
     line = full_row().to_dict()
     assert line["findings"] == ["gap", "touching"]
     assert line["timings"] == {"input": 0.1}
-    assert line["segment_count"] == full_row().figures["segment_count"]
+    assert line["segment_count"] == full_row().metrics["segment_count"]
     assert "digest" not in line
     assert "formats" not in line
     assert "error" not in line
@@ -70,43 +70,43 @@ def test_a_line_of_json_is_for_users() -> None:
 
 def test_one_process_at_a_time(tmp_path: Path) -> None:
     hold = "import sys; from dlogen.batch.store import *; "
-    hold += "ledger = Ledger(Path(sys.argv[1])); print('held', flush=True); input()"
+    hold += "store = Store(Path(sys.argv[1])); print('held', flush=True); input()"
     with subprocess.Popen(
         [sys.executable, "-c", hold, tmp_path], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as other:
         assert other.stdout is not None
         assert other.stdout.readline() == b"held\n"
         with pytest.raises(UsageError, match="another dlogen process") as raised:
-            Ledger(tmp_path)
+            Store(tmp_path)
         assert raised.value.exit_code == 2
         assert raised.value.hint
         # However it ends.
         other.kill()
-    Ledger(tmp_path).close()
+    Store(tmp_path).close()
     # In this process as well.
-    first = Ledger(tmp_path)
+    first = Store(tmp_path)
     with pytest.raises(UsageError):
-        Ledger(tmp_path)
+        Store(tmp_path)
     first.close()
-    Ledger(tmp_path).close()
+    Store(tmp_path).close()
 
 
 def test_readers_are_not_in_the_way(tmp_path: Path) -> None:
-    ledger = Ledger(tmp_path)
-    ledger.write(full_row("a"))
+    store = Store(tmp_path)
+    store.write(full_row("a"))
     reader = sqlite3.connect(tmp_path / NAME)
     rows = reader.execute("SELECT key FROM clouds")
     assert rows.fetchone() == ("a",)
-    ledger.write(full_row("b"))
+    store.write(full_row("b"))
     assert reader.execute("SELECT count(*) FROM clouds").fetchone() == (2,)
     reader.close()
-    ledger.close()
+    store.close()
 
 
 @pytest.mark.parametrize("moment", [1, 20, 200])
 def test_killed_while_it_writes(tmp_path: Path, moment: int) -> None:
     code = (
-        "import sys; from dlogen.batch.store import *; l = Ledger(Path(sys.argv[1])); i = 0\n"
+        "import sys; from dlogen.batch.store import *; l = Store(Path(sys.argv[1])); i = 0\n"
         "while True: l.write(Row(f'{i:09}', 'x' * 5000, 'done')); print(i, flush=True); i += 1\n"
     )
     with subprocess.Popen([sys.executable, "-c", code, tmp_path], stdout=subprocess.PIPE) as process:
@@ -114,9 +114,9 @@ def test_killed_while_it_writes(tmp_path: Path, moment: int) -> None:
         for _ in range(moment):
             process.stdout.readline()
         process.kill()
-    ledger = Ledger(tmp_path)
-    keys = [int(row.key) for row in ledger.rows()]
-    ledger.close()
+    store = Store(tmp_path)
+    keys = [int(row.key) for row in store.rows()]
+    store.close()
     assert len(keys) >= moment
     assert keys == list(range(len(keys)))
     database = sqlite3.connect(tmp_path / NAME)
@@ -126,7 +126,7 @@ def test_killed_while_it_writes(tmp_path: Path, moment: int) -> None:
 
 def refused(folder: Path) -> OutputError:
     with pytest.raises((OutputError, UsageError)) as raised:
-        Ledger(folder)
+        Store(folder)
     assert raised.value.exit_code == 2
     assert raised.value.hint
     return raised.value  # type: ignore[return-value]
@@ -143,7 +143,7 @@ def test_what_is_not_the_records_of_a_batch_is_left_alone(tmp_path: Path) -> Non
         assert (folder / NAME).read_bytes() == content
         # The lock is not kept.
         (folder / NAME).unlink()
-        Ledger(folder).close()
+        Store(folder).close()
 
 
 def test_records_of_another_layout(tmp_path: Path) -> None:
@@ -157,7 +157,7 @@ def test_records_of_another_layout(tmp_path: Path) -> None:
     database.commit()
     database.close()
     with pytest.raises(OutputError, match="column") as raised:
-        list(Ledger(tmp_path).rows())
+        list(Store(tmp_path).rows())
     assert "rename" in str(raised.value.hint)
 
 
@@ -173,15 +173,15 @@ def test_folders_that_cannot_be_one(tmp_path: Path) -> None:
 
 
 def test_a_full_disk_says_so(tmp_path: Path) -> None:
-    ledger = Ledger(tmp_path)
-    pages = ledger._database.execute("PRAGMA page_count").fetchone()[0]
-    ledger._database.execute(f"PRAGMA max_page_count = {pages}")
+    store = Store(tmp_path)
+    pages = store._database.execute("PRAGMA page_count").fetchone()[0]
+    store._database.execute(f"PRAGMA max_page_count = {pages}")
     with pytest.raises(OutputError, match="full") as raised:
         for i in range(1000):
-            ledger.write(Row(str(i), "x" * 5000, "done"))
+            store.write(Row(str(i), "x" * 5000, "done"))
     assert raised.value.for_all
     assert "space" in str(raised.value.hint)
-    ledger.close()
+    store.close()
 
 
 def test_the_columns_are_documented_in_the_type() -> None:

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from dlogen.batch.metrics import FIGURES
-from dlogen.batch.store import Ledger, Row
+from dlogen.batch.metrics import METRICS
+from dlogen.batch.store import Row, Store
 from dlogen.batch.summary import Causes, write_summary
 from dlogen.errors import UsageError
 
 
 def done(key: str, length: float, verdict: str = "good", findings: str = "", **more: float) -> Row:
-    figures = {item.name: 1 if item.whole else 0.5 for item in FIGURES} | {"length": length} | more
-    return Row(key, f"in/{key}.ply", "done", verdict=verdict, findings=findings, figures=figures, sha256="ab")
+    metrics = {item.name: 1 if item.whole else 0.5 for item in METRICS} | {"length": length} | more
+    return Row(key, f"in/{key}.ply", "done", verdict=verdict, findings=findings, metrics=metrics, sha256="ab")
 
 
 def failed(key: str, error: str, code: str = "input", stage: str | None = None, hint: str | None = "h") -> Row:
@@ -24,11 +24,11 @@ def failed(key: str, error: str, code: str = "input", stage: str | None = None, 
 
 
 def summary(folder: Path, *rows: Row) -> tuple[list[dict[str, str]], dict[str, object]]:
-    ledger = Ledger(folder)
+    store = Store(folder)
     for row in rows:
-        ledger.write(row)
-    write_summary(ledger, folder)
-    ledger.close()
+        store.write(row)
+    write_summary(store, folder)
+    store.close()
     with (folder / "summary.csv").open(newline="", encoding="utf-8") as stream:
         table = list(csv.DictReader(stream))
     return table, json.loads((folder / "summary.json").read_text(encoding="utf-8"))
@@ -110,11 +110,11 @@ def test_causes_are_the_same_in_any_order() -> None:
 
 
 def test_all_or_nothing_is_written(tmp_path: Path) -> None:
-    ledger = Ledger(tmp_path)
-    ledger.write(done("a", 1.0))
+    store = Store(tmp_path)
+    store.write(done("a", 1.0))
     (tmp_path / "summary.json").mkdir()
     with pytest.raises(UsageError, match="folder"):
-        write_summary(ledger, tmp_path)
-    ledger.close()
+        write_summary(store, tmp_path)
+    store.close()
     assert not (tmp_path / "summary.csv").exists()
     assert not list(tmp_path.glob(".dlogen-*"))

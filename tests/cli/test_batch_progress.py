@@ -12,20 +12,20 @@ from typing import Any
 
 import pytest
 
-from dlogen.batch.executors.local import NotStarted
+from dlogen.batch.executors.worker import NotStarted
 from dlogen.batch.item import Item
 from dlogen.batch.job import Failure, Outcome, Plan, Task
-from dlogen.batch.metrics import FIGURES, Threshold
+from dlogen.batch.metrics import METRICS, Threshold
 from dlogen.batch.runner import Batch
-from dlogen.batch.store import Ledger
-from dlogen.cli.batch_progress import follow
+from dlogen.batch.store import Store
+from dlogen.cli.batch_progress import run_batch
 from dlogen.cli.console import Console
 from dlogen.errors import DlogenError, Interrupted, OutputError, UsageError
 
 
-def good(key: str, **figures: float) -> Outcome:
-    values = {item.name: 1 if item.whole else 0.5 for item in FIGURES} | figures
-    return Outcome(key, verdict="good", figures=values, sha256="ab", seconds=0.1, timings={"input": 0.1})
+def good(key: str, **metrics: float) -> Outcome:
+    values = {item.name: 1 if item.whole else 0.5 for item in METRICS} | metrics
+    return Outcome(key, verdict="good", metrics=values, sha256="ab", seconds=0.1, timings={"input": 0.1})
 
 
 def bad(key: str, message: str = "no points", code: str = "input") -> Outcome:
@@ -59,15 +59,15 @@ class Setting:
     def __init__(self, folder: Path, plan: Plan) -> None:
         self.folder, self.plan = folder, plan
 
-    def follow(self, pool: Said, keys: str = "", level: int = 0, **how: Any) -> None:
+    def run_batch(self, pool: Said, keys: str = "", level: int = 0, **how: Any) -> None:
         """Clouds whose keys are single letters, by default those that the pool knows of."""
         names = keys or "".join(item.key for item in pool.outcomes if isinstance(item, Outcome))
-        ledger = Ledger(self.folder)
+        store = Store(self.folder)
         try:
-            batch = Batch([Item(f"in/{name}.ply", name) for name in names], self.folder, self.plan, ledger)
-            follow(batch, pool, Console(level), **how)
+            batch = Batch([Item(f"in/{name}.ply", name) for name in names], self.folder, self.plan, store)
+            run_batch(batch, pool, Console(level), **how)
         finally:
-            ledger.close()
+            store.close()
 
     def summary(self) -> dict[str, Any]:
         return json.loads((self.folder / "summary.json").read_text())  # type: ignore[no-any-return]
@@ -79,7 +79,7 @@ def setting(tmp_path: Path, plan: Plan) -> Setting:
 
 
 def test_all_good(setting: Setting, capsys: pytest.CaptureFixture[str]) -> None:
-    setting.follow(Said(good("a"), good("b")))
+    setting.run_batch(Said(good("a"), good("b")))
     said = capsys.readouterr()
     assert said.out == ""
     assert said.err == f"2 clouds in 0 s: 2 done (2 good), 0 failed; {setting.folder / 'summary.csv'}\n"
@@ -87,14 +87,14 @@ def test_all_good(setting: Setting, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_one_cloud_is_not_clouds(setting: Setting, capsys: pytest.CaptureFixture[str]) -> None:
-    setting.follow(Said(good("a")))
+    setting.run_batch(Said(good("a")))
     assert capsys.readouterr().err.startswith("1 cloud in 0 s: 1 done")
 
 
 def test_failures_are_grouped_by_cause(setting: Setting, capsys: pytest.CaptureFixture[str]) -> None:
     pool = Said(good("a"), *(bad(key, f"line {i} is wrong") for i, key in enumerate("bcdef")), bad("g", "odd", "fit"))
     with pytest.raises(DlogenError, match="6 of 7 clouds failed") as raised:
-        setting.follow(pool)
+        setting.run_batch(pool)
     assert raised.value.exit_code == 1
     assert capsys.readouterr().err.splitlines()[1:] == [
         "warning: 5 x line 0 is wrong [input]: in/b.ply, in/c.ply, in/d.ply, ...",
@@ -104,14 +104,14 @@ def test_failures_are_grouped_by_cause(setting: Setting, capsys: pytest.CaptureF
     ]
     assert [cause["count"] for cause in setting.summary()["failures"]] == [5, 1]
     # They may, and it is said all the same.
-    setting.follow(Said(), "abcdefg", tolerant=True)
+    setting.run_batch(Said(), "abcdefg", tolerant=True)
     assert "5 x line 0 is wrong" in capsys.readouterr().err
 
 
 def test_many_causes_are_not_all_named(setting: Setting, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["".join((a, b)) for a in "xyzw" for b in "xyzw"]
     with pytest.raises(DlogenError):
-        setting.follow(Said(*(bad(key, word) for key, word in zip("abcdefghijklmnop", words, strict=True))))
+        setting.run_batch(Said(*(bad(key, word) for key, word in zip("abcdefghijklmnop", words, strict=True))))
     said = capsys.readouterr().err.splitlines()
     assert len([line for line in said if line.startswith("warning: 1 x")]) == 10
     assert said[-1].startswith("warning: and 6 other causes: see ")
@@ -119,21 +119,21 @@ def test_many_causes_are_not_all_named(setting: Setting, capsys: pytest.CaptureF
 
 def test_quiet_and_verbose(setting: Setting, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(DlogenError):
-        setting.follow(Said(good("a"), bad("b")), level=-1)
+        setting.run_batch(Said(good("a"), bad("b")), level=-1)
     assert capsys.readouterr().err == ""
     with pytest.raises(DlogenError):
-        setting.follow(Said(good("c", length=1.5), bad("d")), level=1)
+        setting.run_batch(Said(good("c", length=1.5), bad("d")), level=1)
     said = capsys.readouterr().err.splitlines()
     assert said[0] == "in/c.ply: 1.5000 m, 1 segments, deviation 500.00 mm, good"
     assert said[1] == "in/d.ply: no points [input]"
 
 
 def test_names_do_not_garble_the_terminal(setting: Setting, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    ledger = Ledger(setting.folder)
-    batch = Batch([Item("in/\x1b[31m\n.ply", "x")], setting.folder, setting.plan, ledger)
+    store = Store(setting.folder)
+    batch = Batch([Item("in/\x1b[31m\n.ply", "x")], setting.folder, setting.plan, store)
     with pytest.raises(DlogenError):
-        follow(batch, Said(bad("x")), Console(1))
-    ledger.close()
+        run_batch(batch, Said(bad("x")), Console(1))
+    store.close()
     said = capsys.readouterr().err
     assert "\x1b" not in said
     assert len(said.splitlines()) == 4
@@ -141,14 +141,14 @@ def test_names_do_not_garble_the_terminal(setting: Setting, capsys: pytest.Captu
 
 def test_lines_of_json(setting: Setting, capfdbinary: pytest.CaptureFixture[bytes]) -> None:
     with pytest.raises(DlogenError):
-        setting.follow(Said(good("a"), bad("ü")), as_json=True)
+        setting.run_batch(Said(good("a"), bad("ü")), as_json=True)
     lines = [json.loads(line) for line in capfdbinary.readouterr().out.decode("utf-8").splitlines()]
     assert [(line["key"], line["status"]) for line in lines] == [("a", "done"), ("ü", "failed")]
     assert lines[0]["length"] == 0.5
     assert (lines[1]["code"], lines[1]["error"], lines[1]["hint"]) == ("input", "no points", "try this")
     # What was there before comes as well, and says so.
     with pytest.raises(DlogenError):
-        setting.follow(Said(), "aü", as_json=True)
+        setting.run_batch(Said(), "aü", as_json=True)
     # Clouds that do not exist come again: their results are not there.
     assert capfdbinary.readouterr().out.decode("utf-8").count('"kept": true') == 1
 
@@ -157,14 +157,14 @@ def test_limits_hold_for_what_was_done_before_as_well(setting: Setting, capsys: 
     limits = [Threshold("max_deviation", 0.01), Threshold("length", 10.0)]
     pool = Said(good("a", max_deviation=0.02), good("b", max_deviation=0.01), bad("c"))
     with pytest.raises(DlogenError, match=r"1 of 3 clouds failed; max_deviation is above 0[.]01 for 1 "):
-        setting.follow(pool, thresholds=limits)
+        setting.run_batch(pool, thresholds=limits)
     assert "1 x max_deviation is above 0.01: in/a.ply (0.02)" in capsys.readouterr().err
 
 
 def test_strict_wants_good_models(setting: Setting, capsys: pytest.CaptureFixture[str]) -> None:
     pool = Said(good("a"), replace(good("b"), verdict="doubtful"), replace(good("c"), verdict="bad"))
     with pytest.raises(DlogenError, match="the verdict is not good for 2"):
-        setting.follow(pool, strict=True)
+        setting.run_batch(pool, strict=True)
     assert "2 x the verdict is not good: in/b.ply (doubtful), in/c.ply (bad)" in capsys.readouterr().err
 
 
@@ -173,7 +173,7 @@ def test_a_signal_ends_it_tidily(setting: Setting, number: signal.Signals, code:
     before = signal.getsignal(signal.SIGTERM)
     pool = Said(good("a"), lambda: os.kill(os.getpid(), number), good("b"))
     with pytest.raises(Interrupted, match="1 of 2 clouds are done and recorded") as raised:
-        setting.follow(pool)
+        setting.run_batch(pool)
     assert raised.value.exit_code == code
     assert pool.closed
     assert (setting.summary()["done"], setting.summary()["unfinished"]) == (1, 1)
@@ -198,7 +198,7 @@ def test_whatever_ends_it_what_has_been_done_is_summed_up(setting: Setting) -> N
         pool = Said(good(key := next(keys)), stop(error))
         done = setting.summary()["done"] if (setting.folder / "summary.json").exists() else 0
         with pytest.raises(kind, match=text) as raised:
-            setting.follow(pool, key + chr(ord(key) + 1))
+            setting.run_batch(pool, key + chr(ord(key) + 1))
         if kind is DlogenError:
             assert raised.value.exit_code == 1
         assert pool.closed
@@ -209,11 +209,11 @@ def test_nothing_to_do(setting: Setting, capsys: pytest.CaptureFixture[str], tmp
     cloud = tmp_path / "a.ply"
     cloud.write_bytes(b"")
     for again in range(2):
-        ledger = Ledger(setting.folder)
-        batch = Batch([Item(str(cloud), "a")], setting.folder, setting.plan, ledger)
+        store = Store(setting.folder)
+        batch = Batch([Item(str(cloud), "a")], setting.folder, setting.plan, store)
         with pytest.raises(DlogenError, match="1 of 1 cloud failed"):
-            follow(batch, Said(*([] if again else [bad("a")])), Console())
-        ledger.close()
+            run_batch(batch, Said(*([] if again else [bad("a")])), Console())
+        store.close()
     said = capsys.readouterr().err
     assert "0 of 1 cloud is done already, 1 failed before: --retry does them again" in said
     assert "1 cloud, nothing to do: 0 done, 1 failed" in said

@@ -12,31 +12,16 @@ import click
 import pytest
 from click.testing import CliRunner
 from places import ROOT
+from tools import cli_options
 
 from dlogen import __version__
 from dlogen.cli.main import Command, cli
 from dlogen.errors import ConfigError, DlogenError, FitError, InputError, UsageError
 
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "dlogen" / "cli" / "README.md").read_text(encoding="utf-8")
 
 
-def leaf_commands() -> list[tuple[str, click.Command]]:
-    """All commands that do something, with the words that call them."""
-
-    def below(words: str, command: click.Command, context: click.Context) -> list[tuple[str, click.Command]]:
-        if not isinstance(command, click.Group):
-            return [(words, command)]
-        names = command.list_commands(context)
-        return [
-            found
-            for name in names
-            for found in below(f"{words} {name}".strip(), command.get_command(context, name), context)
-        ]
-
-    return below("", cli, click.Context(cli))
-
-
-COMMANDS = leaf_commands()
+COMMANDS = cli_options.leaf_commands(cli)
 
 
 def test_the_contract_names_these_commands() -> None:
@@ -55,13 +40,27 @@ def test_every_command_and_option_is_explained(words: str, command: click.Comman
 
 
 @pytest.mark.parametrize(("words", "command"), COMMANDS, ids=[words for words, _ in COMMANDS])
-def test_the_readme_documents_every_command_and_option(words: str, command: click.Command) -> None:
-    section = re.search(rf"^### `dlogen {words}\b.*?(?=^##)", README + "\n## end", re.MULTILINE | re.DOTALL)
-    assert section, f"README has no section for dlogen {words}"
+def test_the_page_documents_every_command_and_option(words: str, command: click.Command) -> None:
+    section = re.search(rf"^## `dlogen {words}`$.*?(?=^## )", PAGE + "\n## end", re.MULTILINE | re.DOTALL)
+    assert section, f"the page has no section for dlogen {words}"
     for option in command.params:
-        if isinstance(option, click.Option) and option.name not in ("quiet", "verbose", "debug"):
-            longest = max(option.opts, key=len)
-            assert longest in section.group(0), f"dlogen {words} {longest} is not in the README"
+        if isinstance(option, click.Option) and option.name not in cli_options.COMMON:
+            for name in (*option.opts, *option.secondary_opts):
+                assert f"`{name}" in section.group(0), f"dlogen {words} {name} is not in the page"
+
+
+def test_the_page_is_what_the_script_writes() -> None:
+    assert cli_options.generated(PAGE, COMMANDS) == PAGE, "run: python tests/tools/cli_options.py"
+
+
+def test_the_script_writes_what_has_changed_and_nothing_else() -> None:
+    begin, end = "<!-- generated: dlogen formats -->", "<!-- end -->"
+    before, rest = PAGE.split(begin)
+    assert cli_options.generated(f"{before}{begin} old {rest[rest.index(end) :]}", COMMANDS) == PAGE
+    added = cli_options.generated("By hand.\n", [("fit", dict(COMMANDS)["fit"])])
+    assert added.startswith("By hand.\n\n## `dlogen fit`\n\n<!-- generated: dlogen fit -->\n") and added.endswith(
+        end + "\n"
+    )
 
 
 @pytest.mark.parametrize(("words", "command"), COMMANDS, ids=[words for words, _ in COMMANDS])

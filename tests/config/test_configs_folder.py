@@ -24,7 +24,8 @@ def load(name: str) -> Config:
 
 
 def test_the_folder_holds_the_default_the_paper_and_the_materials():
-    assert {path.name for path in FOLDER.iterdir()} == {f"{name}.yaml" for name in ["default", "paper", *MATERIALS]}
+    expected = {f"{name}.yaml" for name in ["default", "paper", *MATERIALS]}
+    assert {path.name for path in FOLDER.iterdir()} == {"README.md", *expected}
 
 
 @pytest.mark.parametrize("name", ["default", "paper", *MATERIALS])

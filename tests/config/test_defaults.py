@@ -14,8 +14,8 @@ from dlogen.config import defaults
 from dlogen.config.schema import Config
 from dlogen.config.sections import FrameSettings, Material
 from dlogen.evaluation.comparison import compare
-from dlogen.multibody.materials import properties
 from dlogen.multibody.build import build_model
+from dlogen.multibody.materials import properties
 from dlogen.stages.output_frame import output_frame
 from dlogen.stages.paper.skeleton import paper_basis
 from dlogen.stages.segmentation.specification import SegmentationSpec, allowed_deviation

@@ -1,4 +1,4 @@
-"""Directions and wrong frames, on motions that nothing was tuned on."""
+"""Directions and wrong captures, on motions that nothing was tuned on."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ Array = np.ndarray
 PLACES = np.linspace(0.0, 1.0, 16)
 
 
-def curves_of(name: str, seed: int = 0, frames: int = 60) -> tuple[Array, Array]:
+def curves_of(name: str, seed: int = 0, captures: int = 60) -> tuple[Array, Array]:
     """(F, 16, 3) material points with the errors of single fits, and times."""
-    made = recorded(name, seed, frames, flips=False)
+    made = recorded(name, seed, captures, flips=False)
     rows = np.round(PLACES * 999).astype(int)
-    return np.array([item.points[rows] for item in made.observed]), made.times
+    return np.array([item.points[rows] for item in made.captures]), made.times
 
 
 def flipped(curves: Array, seed: int) -> tuple[Array, Array]:
@@ -28,14 +28,14 @@ def flipped(curves: Array, seed: int) -> tuple[Array, Array]:
 
 
 def wrong_ways(reverse: Array, flip: Array, where: Array) -> int:
-    """Frames that run the other way than most."""
+    """Captures that run the other way than most."""
     other = int((reverse != flip)[where].sum())
     return min(other, int(where.sum()) - other)
 
 
 @pytest.mark.parametrize("name", MOTIONS)
 @pytest.mark.parametrize("seed", [11, 12])
-def test_no_direction_is_lost_and_no_frame_is_wrong(name: str, seed: int) -> None:
+def test_no_direction_is_lost_and_no_capture_is_wrong(name: str, seed: int) -> None:
     curves, times = curves_of(name, seed)
     seen, flip = flipped(curves, seed)
     reverse, kept = directions(seen, times, RADIUS)
@@ -47,8 +47,8 @@ def test_no_direction_is_lost_and_no_frame_is_wrong(name: str, seed: int) -> Non
 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_fast_motion_is_not_wrong(name: str) -> None:
-    """Up to a fifth of the object's length from one frame to the next."""
-    curves, times = curves_of(name, 4, frames=25)
+    """Up to a fifth of the object's length from one capture to the next."""
+    curves, times = curves_of(name, 4, captures=25)
     seen, flip = flipped(curves, 5)
     reverse, kept = directions(seen, times, RADIUS)
     assert kept.all() and wrong_ways(reverse, flip, kept) == 0
@@ -71,7 +71,7 @@ def spoilt(curves: Array, which: list[int], seed: int) -> Array:
 
 @pytest.mark.parametrize("name", MOTIONS)
 @pytest.mark.parametrize("which", [[0, 1], [58, 59], [0, 13, 29, 30, 31, 44], [20, 22, 24, 26, 28]], ids=str)
-def test_wrong_frames_are_found_and_mislead_nobody(name: str, which: list[int]) -> None:
+def test_wrong_captures_are_found_and_mislead_nobody(name: str, which: list[int]) -> None:
     curves, times = curves_of(name, 21)
     seen, flip = flipped(spoilt(curves, which, 3), 8)
     reverse, kept = directions(seen, times, RADIUS)
@@ -91,7 +91,7 @@ def test_a_gap_in_time_is_crossed() -> None:
 
 
 def test_strands_that_change_places() -> None:
-    """Folded in half and moved by the distance of the strands a frame: the nearest curve is the reversed one."""
+    """Folded in half and moved by the distance of the strands a capture: the nearest curve is the reversed one."""
     bow = np.linspace(0.0, np.pi, 16)
     strands = np.stack([np.sin(bow), 0.05 * np.cos(bow), 0 * bow], axis=1)
     curves = strands + np.arange(12)[:, None, None] * [0.0, 0.1, 0.0]
@@ -100,7 +100,7 @@ def test_strands_that_change_places() -> None:
     assert kept.all() and wrong_ways(reverse, flip, kept) == 0
 
 
-def test_two_frames_and_one() -> None:
+def test_two_captures_and_one() -> None:
     curves, _ = curves_of("hose")
     pair = np.stack([curves[0], curves[1][::-1]])
     reverse, kept = directions(pair, np.array([0.0, 1.0]), RADIUS)
@@ -109,8 +109,8 @@ def test_two_frames_and_one() -> None:
     assert reverse.tolist() == [False] and kept.tolist() == [True]
 
 
-def test_of_few_frames_none_is_wrong() -> None:
-    curves, times = curves_of("hose", frames=4)
+def test_of_few_captures_none_is_wrong() -> None:
+    curves, times = curves_of("hose", captures=4)
     off, allowed = misfits(curves, times, np.ones(4, dtype=bool), RADIUS)
     assert np.all(off <= allowed)
 
@@ -138,7 +138,7 @@ def test_directions_are_clear_in_a_whole_recording(name: str) -> None:
 
 
 def test_what_moves_too_far_is_not_clear() -> None:
-    """A rod that turns by about half a turn from one frame to the next."""
+    """A rod that turns by about half a turn from one capture to the next."""
     for turn, unclear in ((0.2, []), (0.45, [1, 2, 3])):
         angle = np.pi * turn * np.arange(4)
         axis = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
@@ -146,9 +146,9 @@ def test_what_moves_too_far_is_not_clear() -> None:
         assert unclear_directions(curves, np.arange(4.0)).tolist() == unclear, turn
 
 
-def test_directions_of_few_frames() -> None:
+def test_directions_of_few_captures() -> None:
     curves = np.stack([PLACES, 0 * PLACES, 0 * PLACES], axis=1)[None] + np.zeros((2, 1, 1))
     assert unclear_directions(curves[:1], np.zeros(1)).tolist() == []
     assert unclear_directions(curves, np.arange(2.0)).tolist() == []
-    aside = np.stack([curves[0], np.stack([0.5 + 0 * PLACES, PLACES - 0.5, 0 * PLACES], axis=1)])
-    assert unclear_directions(aside, np.arange(2.0)).tolist() == [1]
+    crossed = np.stack([curves[0], np.stack([0.5 + 0 * PLACES, PLACES - 0.5, 0 * PLACES], axis=1)])
+    assert unclear_directions(crossed, np.arange(2.0)).tolist() == [1]

@@ -1,3 +1,4 @@
+<<<<<<< HEAD
 """The picture of a motion: what is drawn in it."""
 
 from __future__ import annotations
@@ -9,6 +10,15 @@ import pytest
 from recorded_motion import moved
 
 from dlogen.sequence import plot
+=======
+"""Pictures of motions."""
+
+from __future__ import annotations
+
+import pytest
+from moving import moved
+
+>>>>>>> main
 from dlogen.sequence.plot import motion_picture
 
 
@@ -17,6 +27,7 @@ def test_picture() -> None:
     for motion in (moved(), moved("rod"), moved(times=False)):
         data = motion_picture(motion)
         assert data.startswith(b"\x89PNG") and len(data) > 20_000
+<<<<<<< HEAD
 
 
 @pytest.fixture
@@ -60,3 +71,5 @@ def test_chains_keep_their_lengths(drawn: list[Any]) -> None:
     main = np.linalg.svd(joints - joints.mean(axis=0), full_matrices=False)[2][0]
     unit = 1e3 if np.ptp(joints @ main) < 1.0 else 1.0
     assert np.ptp(seen) == pytest.approx(unit * np.ptp(joints @ main))
+=======
+>>>>>>> main

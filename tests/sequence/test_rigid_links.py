@@ -114,7 +114,7 @@ class TestFit:
         apart = np.linalg.norm(joints - shape.points(np.linspace(0.0, 1.4, 21)), axis=2)
         assert apart.max() < 0.006 and apart.mean() < 0.002
 
-    def test_frames_do_not_touch_one_another(self) -> None:
+    def test_captures_do_not_touch_one_another(self) -> None:
         shape, links = lines(6), links_of_length(1.4, 0.11)
         alone = [fit_links(shape.of([k]), links)[0] for k in range(6)]
         assert fit_links(shape, links) == pytest.approx(np.array(alone), abs=1e-9)

@@ -1,29 +1,29 @@
-"""Times of frames: lists, names, rates."""
+"""Times of captures: lists, names, rates."""
 
 from __future__ import annotations
 
 import pytest
 
 from dlogen.errors import UsageError
-from dlogen.sequence.timestamps import frame_times
+from dlogen.sequence.timestamps import capture_times
 
 
 def test_a_list_has_the_last_word() -> None:
-    times = frame_times(["b_2", "a_1", "c_3"], [0.5, 0.25, 1.75])
+    times = capture_times(["b_2", "a_1", "c_3"], [0.5, 0.25, 1.75])
     assert times.order == (1, 0, 2)
     assert times.seconds == (0.25, 0.5, 1.75)
     assert times.source == "list" and not times.assumed
 
 
-def test_frame_numbers_at_a_rate_with_a_gap() -> None:
-    times = frame_times(["frame_10", "frame_2", "frame_3"], rate=20.0)
+def test_capture_numbers_at_a_rate_with_a_gap() -> None:
+    times = capture_times(["frame_10", "frame_2", "frame_3"], rate=20.0)
     assert times.order == (1, 2, 0)
     assert times.seconds == pytest.approx((0.0, 0.05, 0.4), abs=1e-15)
     assert times.source == "numbers" and not times.assumed
 
 
-def test_without_a_rate_a_frame_a_second() -> None:
-    times = frame_times(["f_005", "f_006"])
+def test_without_a_rate_a_capture_a_second() -> None:
+    times = capture_times(["f_005", "f_006"])
     assert times.seconds == (0.0, 1.0) and times.assumed
 
 
@@ -42,22 +42,22 @@ def test_without_a_rate_a_frame_a_second() -> None:
     ],
 )
 def test_times_in_names(names: list[str], seconds: tuple[float, ...]) -> None:
-    times = frame_times(names)
+    times = capture_times(names)
     assert times.seconds == pytest.approx(seconds, abs=1e-6)
     assert times.source == "names" and not times.assumed
 
 
-def test_padded_numbers_are_numbers_of_frames() -> None:
-    assert frame_times(["0000000000017", "0000000000018"], rate=2.0).seconds == (0.0, 0.5)
+def test_padded_numbers_are_numbers_of_captures() -> None:
+    assert capture_times(["0000000000017", "0000000000018"], rate=2.0).seconds == (0.0, 0.5)
 
 
 def test_rates_do_not_round() -> None:
-    times = frame_times([f"f{k}" for k in range(1000)], rate=30.0)
+    times = capture_times([f"f{k}" for k in range(1000)], rate=30.0)
     assert times.seconds[999] == 999 / 30
 
 
 def test_names_without_numbers_in_their_order() -> None:
-    times = frame_times(["b", "a10", "a2"], rate=10.0)
+    times = capture_times(["b", "a10", "a2"], rate=10.0)
     assert times.order == (2, 1, 0)
     assert times.seconds == pytest.approx((0.0, 0.1, 0.2))
     assert times.source == "order"
@@ -79,8 +79,8 @@ def test_names_without_numbers_in_their_order() -> None:
 )
 def test_what_cannot_be(names: list[str], listed: list[float | None], rate: float | None, message: str) -> None:
     with pytest.raises(UsageError, match=message):
-        frame_times(names, listed, rate)
+        capture_times(names, listed, rate)
 
 
-def test_one_frame() -> None:
-    assert frame_times(["frame_7"], rate=30.0).seconds == (0.0,)
+def test_one_capture() -> None:
+    assert capture_times(["frame_7"], rate=30.0).seconds == (0.0,)

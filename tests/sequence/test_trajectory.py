@@ -1,25 +1,28 @@
-"""The motion of the common model: poses, limits, keyframes and files."""
+"""The motion of the shared model: poses, limits and states."""
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+<<<<<<< HEAD
 from moving import LENGTH, recorded
 from recorded_motion import moved
+=======
+from moving import moved, recorded
+>>>>>>> main
 
 from dlogen.config.sections import JointSettings
-from dlogen.io.registry import model_format, model_formats
 from dlogen.multibody.build import multibody
+<<<<<<< HEAD
 from dlogen.sequence.export import trajectory_csv
 from dlogen.sequence.shared_model import common_model
+=======
+from dlogen.sequence.shared_model import shared_model
+>>>>>>> main
 from dlogen.sequence.trajectory import motion_of
 
-Array = np.ndarray
 CASES = [(dof, zero) for dof in (2, 3) for zero in ("straight", "scan")]
 
 
@@ -32,48 +35,21 @@ def test_the_model_takes_every_pose(result_for, name: str, dof: int, zero: str) 
     for k in range(30):
         own = model.joint_positions(motion.values[k])
         there = own @ motion.base_rotations[k].T + motion.base_positions[k]
-        assert there == pytest.approx(motion.common.joints[k], abs=1e-9)
+        assert there == pytest.approx(motion.model.joints[k], abs=1e-9)
         for joint, values in zip(model.joints, motion.values[k], strict=True):
             assert np.all(joint.lower <= values) and np.all(values <= joint.upper)
     assert [pose.name for pose in model.poses] == [*(f"frame_{k:02d}" for k in range(30)), "scanned", "straight"]
     assert model.poses[12].values is not motion.values and np.array_equal(model.poses[12].values, motion.values[12])
     if zero == "scan":
-        assert motion.values[motion.common.reference] == pytest.approx(0.0, abs=1e-9)
+        assert motion.values[motion.model.reference] == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize(("dof", "zero"), CASES)
-def test_keyframes_replay_in_mujoco(result_for, dof: int, zero: str) -> None:
-    mujoco = pytest.importorskip("mujoco")
-    motion = moved("loop", dof, zero)
-    (text,) = model_format("mjcf").write(result_for(motion, dof=dof, zero=zero), "hose").values()
-    model = mujoco.MjModel.from_xml_string(text.decode())
-    data = mujoco.MjData(model)
-    for k in range(30):
-        mujoco.mj_resetDataKeyframe(model, data, k)
-        mujoco.mj_kinematics(model, data)
-        assert model.key(k).name == f"frame_{k:02d}"
-        assert data.time == motion.times[k]
-        tip = data.site("tip").xpos
-        assert np.vstack([data.xpos[1:], tip]) == pytest.approx(motion.common.joints[k], abs=1e-6)
-    for name in ("scanned", "straight"):
-        mujoco.mj_resetDataKeyframe(model, data, model.key(name).id)
-        mujoco.mj_kinematics(model, data)
-        assert data.xpos[1] == pytest.approx(motion.chain.joints[0])
-        if name == "scanned":
-            assert data.xpos[1:] == pytest.approx(motion.chain.joints[:-1], abs=1e-6)
-
-
-@pytest.mark.parametrize("name", [item.name for item in model_formats()])
-def test_every_format_writes_it(result_for, name: str) -> None:
-    assert all(model_format(name).write(result_for(moved()), "hose").values())
-
-
-def test_names_of_frames_that_the_model_has_for_itself() -> None:
-    frames = [
+def test_names_of_captures_that_the_model_has_for_itself() -> None:
+    captures = [
         replace(item, name=name)
-        for item, name in zip(recorded("rod", 0, 3).observed, ("scanned", "straight", "x"), strict=True)
+        for item, name in zip(recorded("rod", 0, 3).captures, ("scanned", "straight", "x"), strict=True)
     ]
-    motion = motion_of(common_model(frames, np.arange(3.0)), np.arange(3.0), JointSettings())
+    motion = motion_of(shared_model(captures, np.arange(3.0)), np.arange(3.0), JointSettings())
     assert [pose.name for pose in motion.poses()] == ["scanned_", "straight_", "x"]
 
 
@@ -98,6 +74,7 @@ def test_without_time() -> None:
     assert np.isnan(motion.base_positions[7]).all() and np.isnan(motion.values[7]).all()
     poses = motion.poses()
     assert len(poses) == 28 and all(pose.time is None for pose in poses)
+<<<<<<< HEAD
     assert np.isfinite(motion.values[motion.common.reference]).all()
     names = [f"j{i}" for i in range(motion.values[0].size)]
     rows = list(csv.DictReader(io.StringIO(trajectory_csv(motion, names).decode())))
@@ -111,3 +88,6 @@ def test_json_of_the_model_is_that_of_a_chain(result_for) -> None:
     assert data["length"] == pytest.approx(LENGTH, abs=0.003)
     assert data["model"]["base"] == "floating"
     assert data["model"]["base_transform"] == np.eye(4).tolist()
+=======
+    assert np.isfinite(motion.values[motion.model.reference]).all()
+>>>>>>> main

@@ -1,6 +1,7 @@
 """A Dask cluster as the place where the work of a batch is done.
 
-Clouds travel in batches, each a Dask task; what happens to them in the workers is in `dlogen.batch.executors.remote`.
+Clouds travel in batches, each a Dask task; what happens to them there is in
+`dlogen.batch.executors.dask_worker`.
 """
 
 from __future__ import annotations
@@ -22,10 +23,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dlogen._version import __version__
-from dlogen.batch.executors.remote import Call, Order, Reply, Settings
-from dlogen.batch.job import Failure, Outcome, Plan, Task, work
+from dlogen.batch.executors.dask_worker import Call, Order, ProcessSettings, Reply
+from dlogen.batch.job import Failure, Outcome, Plan, Task, run_job
 from dlogen.errors import DlogenError, UsageError
 
+# Dask has types in some of its versions, for some of its functions: hence `unused-ignore` below.
 if TYPE_CHECKING:
     from distributed import Client, Future
 
@@ -70,7 +72,7 @@ class DaskPool:
     ) -> None:
         self._ship = plan.folder is None
         self._plan = replace(plan, folder=None if plan.folder is None else os.path.abspath(plan.folder))  # noqa: PTH100
-        self._settings = pickle.dumps(Settings(self._plan, timeout, memory))
+        self._settings = pickle.dumps(ProcessSettings(self._plan, timeout, memory))
         self._scheduler, self._total, self._say = scheduler, total, say
 
     def run(self, tasks: Iterator[Task]) -> Generator[Outcome, None, None]:
@@ -82,7 +84,7 @@ class DaskPool:
                 while batch := batches.next(cluster.vacancies(), len(cluster.under_way)):
                     # What cannot be read fails here, as it does without a cluster.
                     for task in filter(self._is_unreadable, batch):
-                        yield work(self._plan, task)
+                        yield run_job(self._plan, task)
                     readable = [task for task in batch if not self._is_unreadable(task)]
                     if readable:
                         cluster.submit(readable, self._order(readable))
@@ -184,7 +186,7 @@ class _Cluster:
     def __init__(self, scheduler: str, say: Callable[[str], None]) -> None:
         self._scheduler, self._say = scheduler, say
         self._client = _connect(scheduler)
-        self.under_way: dict[str, tuple[Future, list[Task]]] = {}
+        self.under_way: dict[str, tuple[Future[Any], list[Task]]] = {}
         self._arrived: queue.SimpleQueue[tuple[str, Reply | BaseException]] = queue.SimpleQueue()
         self._run = f"dlogen-{uuid.uuid4().hex}"
         self._count = 0
@@ -235,7 +237,7 @@ class _Cluster:
                 return batch, None
             raise self._why(reply)
         # The scheduler forgets it.
-        future.release()
+        future.release()  # type: ignore[no-untyped-call, unused-ignore]
         if reply.refusal is not None:
             raise DlogenError(*reply.refusal)
         return batch, reply
@@ -244,9 +246,9 @@ class _Cluster:
         """Cancel what is under way. The workers notice within a second."""
         # Whatever goes wrong, there is nothing more to be had from the connection.
         with contextlib.suppress(Exception):
-            self._client.cancel([future for future, _ in self.under_way.values()])
+            self._client.cancel([future for future, _ in self.under_way.values()])  # type: ignore[no-untyped-call, unused-ignore]
         with contextlib.suppress(Exception):
-            self._client.close(timeout=_CLOSE_SECONDS)
+            self._client.close(timeout=_CLOSE_SECONDS)  # type: ignore[no-untyped-call, unused-ignore]
 
     def _ask(self, function: Callable[..., Any], *args: Any, **options: Any) -> Any:
         """The answer of the scheduler."""
@@ -286,7 +288,7 @@ def scheduler_of(path: str) -> str:
     raise UsageError(reason, hint, path=path)
 
 
-def _fetch(key: str, arrived: queue.SimpleQueue[tuple[str, Reply | BaseException]], future: Future) -> None:
+def _fetch(key: str, arrived: queue.SimpleQueue[tuple[str, Reply | BaseException]], future: Future[Any]) -> None:
     try:
         arrived.put((key, future.result()))
     except BaseException as error:  # of the task, or because it was cancelled
@@ -301,7 +303,7 @@ def _is_killed_worker(error: BaseException) -> bool:
 
 def _connect(scheduler: str) -> Client:
     from distributed import Client
-    from distributed.comm import get_address_host_port
+    from distributed.comm.addressing import get_address_host_port
 
     hint = "dask scheduler prints its address when it starts, such as tcp://10.0.0.1:8786"
     try:
@@ -310,7 +312,9 @@ def _connect(scheduler: str) -> Client:
     except ValueError as error:
         raise UsageError(f"--scheduler {scheduler!r} is not an address: {error}", hint) from None
     try:
-        return Client(scheduler, timeout=CONNECT_SECONDS, set_as_default=False, name="dlogen")
+        return Client(  # type: ignore[no-untyped-call, unused-ignore]
+            scheduler, timeout=CONNECT_SECONDS, set_as_default=False, name="dlogen"
+        )
     except (OSError, ValueError, TypeError, ImportError, RuntimeError) as error:
         said = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise DlogenError(

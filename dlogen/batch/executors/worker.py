@@ -1,111 +1,231 @@
-"""A worker process of a batch: takes clouds from its standard input, one after another, and answers on standard output.
+"""A worker process as its parent has it. It is at one cloud at a time, so that one that dies costs no other.
 
-The parent is told by end of file, on either side: a worker whose parent is gone ends at once, whatever it is at.
+What runs in the process is in `dlogen.batch.executors.worker_process`.
 """
 
 from __future__ import annotations
 
-import gc
-import importlib
-import math
+import contextlib
 import os
 import pickle
-import queue
+import signal
+import subprocess
+import sys
+import tempfile
 import threading
-from dataclasses import replace
-from typing import Any, BinaryIO
+from collections.abc import Iterator
+from typing import IO, Any
 
-from dlogen.batch.job import Task, work
+from dlogen.batch.job import Failure, Outcome, Plan, Task
+from dlogen.batch.output_files import remove_temporaries
+from dlogen.errors import DlogenError
 
-_NEEDED = (
-    "dlogen.io.cloud_files",
-    "dlogen.io.clouds.ply",
-    "dlogen.io.report",
-    "dlogen.pipeline",
-    "dlogen.batch.metrics",
-    "dlogen.stages.refined.ordering",
-    "dlogen.stages.refined.refine",
-    "dlogen.stages.quality.cut_ends",
+#: How often a cloud is tried whose worker dies.
+ATTEMPTS = 2
+
+#: Numerical libraries with a thread for every core, in a process for every core, are many times slower.
+_SINGLE_THREADED = dict.fromkeys(
+    ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
 )
 
 
-#: More than any machine has, and less than the system's numbers can be.
-_MOST_MEMORY = 1 << 60
+class NotStarted(DlogenError):
+    """No worker process starts."""
 
 
-def main() -> None:
-    """Entry point; the pool starts it. First comes (plan, memory limit in bytes or None), then tasks."""
-    # Only answers may go to the pipe: what a library prints goes to the log.
-    inbox, outbox = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)
-    plan, memory = pickle.load(inbox)
-    # All that most clouds need, so that a limit of time is about the cloud.
-    for module in _NEEDED:
-        importlib.import_module(module)
-    if memory is not None:
-        # And that all else is there which is taken once and kept, such as the buffers of OpenBLAS: without room for
-        # those it ends the process, or tries for ever.
-        work(replace(plan, folder=None), Task("arc.ply", "arc", content=_arc()))
-    tasks: queue.SimpleQueue[Task] = queue.SimpleQueue()
-    # Before there is a limit: its stack is memory as well.
-    threading.Thread(target=_listen, args=(inbox, tasks), daemon=True).start()
-    if memory is not None:
-        limit_memory(memory)
-    # What is there now stays: garbage collections that pass it over make a fit 5 % faster.
-    gc.freeze()
-    _answer(outbox, "ready")
-    while True:
-        _answer(outbox, work(plan, tasks.get()))
+class Worker:
+    """A worker process, started when it is first needed and again when it has died.
+
+    Args:
+        plan: what it does.
+        timeout: seconds that a cloud may take.
+        memory: bytes that a cloud may take.
+    """
+
+    def __init__(self, plan: Plan, *, timeout: float | None = None, memory: int | None = None) -> None:
+        self._plan, self._timeout, self._memory = plan, timeout, memory
+        self._lock = threading.Lock()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._closed = False
+
+    def run_job(self, task: Task) -> Outcome:
+        """Send a task and wait for the answer; again, once, if the process dies over it.
+
+        Raises:
+            NotStarted: no process starts.
+        """
+        end = None
+        for _ in range(ATTEMPTS):
+            process = self._running()
+            timer = None if self._timeout is None else _Deadline(process, self._timeout)
+            try:
+                _send(process, task)
+                outcome: Outcome = _receive(process)
+                return outcome
+            except _GONE:
+                end = _end_of(process)
+            finally:
+                if timer is not None:
+                    timer.cancel()
+            if self._plan.folder is not None:
+                remove_temporaries(self._plan.folder, task.key, self._plan.outputs, process.pid)
+            if timer is not None and timer.passed:
+                hint = "give it more --timeout, or look at the cloud with dlogen info"
+                return Outcome(task.key, Failure("timeout", f"took longer than {self._timeout:g} s", hint))
+            if self._closed:
+                break
+        return Outcome(task.key, died(end))
+
+    @property
+    def closed(self) -> bool:
+        """Whether it has been closed: it takes no more tasks."""
+        return self._closed
+
+    def close(self) -> None:
+        """End the process, at once."""
+        with self._lock:
+            self._closed = True
+            if self._process is not None:
+                self._process.kill()
+                self._process.wait()
+                _close_pipes(self._process)
+
+    def _running(self) -> subprocess.Popen[bytes]:
+        """The process, ready for a task."""
+        if self._process is not None and self._process.poll() is None:
+            return self._process
+        for _ in range(ATTEMPTS):
+            with _log() as log:
+                process = self._start(log)
+                try:
+                    _send(process, (self._plan, self._memory))
+                    _receive(process)
+                    return process
+                except _GONE:
+                    end = _end_of(process)
+                    said = _last_line(log)
+            if end >= 0:
+                # Not somebody who killed it.
+                break
+        raise NotStarted(f"a worker process does not start: {said or _how(end)}", _START_HINT)
+
+    def _start(self, log: IO[bytes] | None) -> subprocess.Popen[bytes]:
+        with self._lock:
+            if self._closed:
+                raise NotStarted("the worker is closed")
+            if self._process is not None:
+                _close_pipes(self._process)
+            try:
+                self._process = _start(log)
+            except OSError as error:
+                raise NotStarted(f"a worker process does not start: {error.strerror or error}", _START_HINT) from error
+            return self._process
 
 
-def _arc() -> bytes:
-    """A small cloud that is easy to work on: a bent tube, as a PLY file."""
-    lines = [
-        "ply",
-        "format ascii 1.0",
-        "element vertex 400",
-        *(f"property float {axis}" for axis in "xyz"),
-        "end_header",
-    ]
-    for i in range(400):
-        # Around the tube by the golden angle: even, and never twice in the same direction.
-        bend, turn = i / 400, 2.4 * i
-        distance = 0.4 + 0.01 * math.cos(turn)
-        lines.append(f"{distance * math.cos(bend)} {distance * math.sin(bend)} {0.01 * math.sin(turn)}")
-    return "\n".join([*lines, ""]).encode()
+#: What comes of talking to a process that has ended.
+_GONE = (OSError, EOFError, pickle.UnpicklingError)
+
+_START_HINT = "does dlogen fit work here? Otherwise there may be too little memory, or too many processes: try --jobs 1"
 
 
-def _listen(inbox: BinaryIO, tasks: queue.SimpleQueue[Task]) -> None:
+class _Deadline:
+    """Kills a process after some time, unless it is cancelled before."""
+
+    def __init__(self, process: subprocess.Popen[bytes], seconds: float) -> None:
+        self.passed = False
+        self._process = process
+        self._timer = threading.Timer(seconds, self._kill)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def cancel(self) -> None:
+        self._timer.cancel()
+
+    def _kill(self) -> None:
+        self.passed = True
+        self._process.kill()
+
+
+@contextlib.contextmanager
+def _log() -> Iterator[IO[bytes] | None]:
+    """Where a process says why it does not start; None where no file can be made.
+
+    A file and not a pipe: nobody reads it any more once the process has started.
+    """
     try:
-        while True:
-            tasks.put(pickle.load(inbox))
-    finally:  # the parent is gone, or speaks another language
-        os._exit(0)
-
-
-def _answer(outbox: BinaryIO, what: Any) -> None:
-    try:
-        pickle.dump(what, outbox, protocol=pickle.HIGHEST_PROTOCOL)
-        outbox.flush()
+        log = tempfile.TemporaryFile()  # noqa: SIM115 - the block must not be in this try
     except OSError:
-        os._exit(0)
+        yield None
+        return
+    with log:
+        yield log
 
 
-def limit_memory(limit: int) -> None:
-    """Let this process take so many bytes more than it has now. Beyond, allocations fail with MemoryError."""
-    import resource
-
-    with open("/proc/self/statm", encoding="ascii") as stream:  # noqa: PTH123
-        taken = int(stream.read().split()[0]) * resource.getpagesize()
-    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    wanted = [min(taken + limit, _MOST_MEMORY)] + [value for value in (soft, hard) if value != resource.RLIM_INFINITY]
-    resource.setrlimit(resource.RLIMIT_AS, (min(wanted), hard))
+def _last_line(log: IO[bytes] | None) -> str:
+    if log is None:
+        return ""
+    log.seek(0)
+    lines = log.read().decode(errors="replace").split("\n")
+    return next((line.strip() for line in reversed(lines) if line.strip()), "")
 
 
-def can_limit_memory() -> bool:
-    """Whether this system has what `limit_memory` needs."""
+def _start(log: IO[bytes] | None) -> subprocess.Popen[bytes]:
+    # Modules come from where ours came from, and not from the current folder.
+    code = f"import sys; sys.path[:] = {sys.path!r}; from dlogen.batch.executors.worker_process import main; main()"
+    return subprocess.Popen(
+        [sys.executable, "-c", code],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL if log is None else log,
+        env=os.environ | _SINGLE_THREADED,
+        # Ctrl-C is for the parent, which ends the workers.
+        start_new_session=True,
+    )
+
+
+def _send(process: subprocess.Popen[bytes], what: Any) -> None:
+    assert process.stdin is not None
+    pickle.dump(what, process.stdin, protocol=pickle.HIGHEST_PROTOCOL)
+    process.stdin.flush()
+
+
+def _receive(process: subprocess.Popen[bytes]) -> Any:
+    assert process.stdout is not None
+    return pickle.load(process.stdout)
+
+
+def _end_of(process: subprocess.Popen[bytes]) -> int:
+    """Exit code of a process that does not talk any more."""
     try:
-        import resource
-    except ImportError:
-        return False
-    return hasattr(resource, "RLIMIT_AS") and os.path.exists("/proc/self/statm")  # noqa: PTH110
+        return process.wait(timeout=5.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.wait()
+
+
+def _close_pipes(process: subprocess.Popen[bytes]) -> None:
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            with contextlib.suppress(OSError):  # what was not yet sent cannot be
+                pipe.close()
+
+
+def died(end: int | None) -> Failure:
+    """A cloud whose worker ended, whenever it was tried.
+
+    Args:
+        end: exit code, or minus a signal's number; None where it is not known.
+    """
+    hint = "look at the cloud with dlogen info; with -9, memory may have run out: try fewer --jobs, or --memory"
+    return Failure("worker-died", f"its worker ended {ATTEMPTS} times over it ({_how(end)})", hint)
+
+
+def _how(end: int | None) -> str:
+    if end is None:
+        return "no exit code"
+    if end >= 0:
+        return f"exit code {end}"
+    try:
+        return f"signal {-end}, {signal.Signals(-end).name}"
+    except ValueError:
+        return f"signal {-end}"

@@ -77,16 +77,16 @@ def command(
     from dlogen.batch.discover import find_items
     from dlogen.batch.job import Plan
     from dlogen.batch.metrics import Threshold
-    from dlogen.batch.runner import Batch, Settings
-    from dlogen.batch.store import NAME as LEDGER
-    from dlogen.batch.store import Ledger
-    from dlogen.cli.batch_progress import follow
+    from dlogen.batch.runner import Batch, BatchOptions
+    from dlogen.batch.store import NAME as STORE
+    from dlogen.batch.store import Store
+    from dlogen.cli.batch_progress import run_batch
     from dlogen.config.reader import load_config
     from dlogen.io.atomic import refuse_existing
     from dlogen.io.outputs import Outputs
 
     thresholds = [Threshold.parse(text) for text in limits]
-    # The common model is made from the chains.
+    # The shared model is made from the chains.
     outputs = Outputs.parse(f"{formats},json" if one_model and formats != "all" else formats, plot)
     workers.check()
     config = load_config(config_path)
@@ -96,22 +96,22 @@ def command(
     items = find_items(inputs, out=out, root=root, own_configs=own_configs, outputs=outputs.files, warn=console.warning)
     if one_model:
         # What an earlier run has made is made again.
-        refuse_existing([out / "one_model"], force or (out / LEDGER).exists())
+        refuse_existing([out / "one_model"], force or (out / STORE).exists())
     plan = Plan(None if workers.ship else str(out), config, overrides, outputs)
 
-    ledger = Ledger(out)
+    store = Store(out)
     try:
-        batch = Batch(items, out, plan, ledger, Settings(force, retry, workers.ship))
+        batch = Batch(items, out, plan, store, BatchOptions(force, retry, workers.ship))
         pool = workers.pool(plan, len(batch.todo), console)
 
         def finish() -> None:
             from dlogen.cli.commands.sequence import write_one_model
 
             keys = [item.key for item in items]
-            rows = {row.key: row for row in ledger.rows()}
+            rows = {row.key: row for row in store.rows()}
             write_one_model(keys, rows, out, common, outputs.formats, plot, console)
 
-        follow(
+        run_batch(
             batch,
             pool,
             console,
@@ -121,4 +121,4 @@ def command(
             finish=finish if one_model else None,
         )
     finally:
-        ledger.close()
+        store.close()

@@ -30,13 +30,13 @@ _EXAMPLES = """Examples:
   dlogen sequence recording -o motion --json | jq -r '.frames[] | select(.state != "good") | .name'
 """
 
-#: Lines about frames on stderr; all of them are in the report.
+#: Lines about captures on stderr; all of them are in the report.
 _MOST_NAMED = 20
 
-#: So many frames in a row that are set aside for the same reason are told of in one line.
+#: So many captures in a row that are excluded for the same reason are told of in one line.
 _RUN = 3
 
-#: So many frames in a row that do not fit in may be a part of another recording.
+#: So many captures in a row that do not fit in may be a part of another recording.
 _PART = 5
 
 
@@ -87,16 +87,16 @@ def command(
     """
     from dlogen.batch.discover import find_items
     from dlogen.batch.job import Plan
-    from dlogen.batch.runner import Batch, Settings
-    from dlogen.batch.store import NAME as LEDGER
-    from dlogen.batch.store import Ledger
-    from dlogen.cli.batch_progress import follow
+    from dlogen.batch.runner import Batch, BatchOptions
+    from dlogen.batch.store import NAME as STORE
+    from dlogen.batch.store import Store
+    from dlogen.cli.batch_progress import run_batch
     from dlogen.errors import FitError
     from dlogen.io.atomic import refuse_existing
     from dlogen.io.outputs import Outputs
     from dlogen.io.registry import model_format
     from dlogen.sequence.file_names import MODEL, file_names
-    from dlogen.sequence.timestamps import frame_times
+    from dlogen.sequence.timestamps import capture_times
 
     workers.check()
     config, for_fits, overrides = _configs(config_path, overrides, console)
@@ -105,24 +105,24 @@ def command(
     expected = [name for item in wanted for name in model_format(item).files(MODEL)]
     expected += file_names(in_time=True, plot=plot)
     # What an earlier run has made is made again.
-    refuse_existing([out / name for name in expected], force or (fits / LEDGER).exists())
+    refuse_existing([out / name for name in expected], force or (fits / STORE).exists())
 
     outputs = Outputs(("json",))
     items = find_items(inputs, out=fits, own_configs=False, outputs=outputs.files, warn=console.warning)
-    times = frame_times([item.key for item in items], [item.time for item in items], rate)
+    times = capture_times([item.key for item in items], [item.time for item in items], rate)
     items = [items[k] for k in times.order]
     if times.assumed and len(items) > 1:
         console.warning("the names of the frames hold no times: one frame a second is assumed")
         console.hint("say how many there are a second: --rate HZ")
 
     plan = Plan(None if workers.ship else str(fits), for_fits, overrides, outputs)
-    ledger = Ledger(fits)
+    store = Store(fits)
     try:
-        batch = Batch(items, fits, plan, ledger, Settings(force, retry, workers.ship))
-        follow(batch, workers.pool(plan, len(batch.todo), console), console, tolerant=True)
-        rows = {row.key: row for row in ledger.rows()}
+        batch = Batch(items, fits, plan, store, BatchOptions(force, retry, workers.ship))
+        run_batch(batch, workers.pool(plan, len(batch.todo), console), console, tolerant=True)
+        rows = {row.key: row for row in store.rows()}
     finally:
-        ledger.close()
+        store.close()
 
     # Only now: who waits for an error in the call need not wait for numpy.
     from dlogen.sequence.assemble import assemble
@@ -140,24 +140,23 @@ def command(
             smooth=smooth,
             plot=plot,
         )
-    _write(made, out, in_time=True)
-
-    tell(made.motion, console)
-    console.info("wrote " + ", ".join(dict.fromkeys(str(out / Path(name).parts[0]) for name in made.contents)))
+    _write(made, out, console, in_time=True)
     if as_json:
         print_json(made.report)
-    aside = sum(state != "good" for state in made.motion.states)
-    if strict and aside:
-        raise FitError(f"{aside} of {len(items)} frames are set aside", "see above, or leave --strict away", path=out)
-    if strict and made.motion.common.doubts:
+    excluded = sum(state != "good" for state in made.motion.states)
+    if strict and excluded:
+        raise FitError(
+            f"{excluded} of {len(items)} frames are set aside", "see above, or leave --strict away", path=out
+        )
+    if strict and made.motion.model.doubts:
         raise FitError("the motion is in doubt", "see above, or leave --strict away", path=out)
 
 
 def _configs(path: str | None, given: tuple[str, ...], console: Console) -> tuple[Config, Config, tuple[str, ...]]:
-    """What the model and what the single fits are made with, and what wins over settings of a frame.
+    """What the model and what the single fits are made with, and what wins over settings of a capture.
 
     In a recording the base floats, and joint values are zero when straight. The fits do without what is for the model
-    only: the segments of a frame alone are of no interest, and when the model's settings change, nothing has to be
+    only: the segments of a capture alone are of no interest, and when the model's settings change, nothing has to be
     fitted again.
     """
     from dlogen.config.reader import load_config
@@ -176,8 +175,8 @@ def _configs(path: str | None, given: tuple[str, ...], console: Console) -> tupl
     changes = {"e_max": defaults["e_max"]}
     for section in ("segmentation", "joints", "material"):
         changes |= {f"{section}.{name}": value for name, value in defaults[section].items()}
-    for_frames = tuple(text for text in given if not of_the_model(text.partition("=")[0]))
-    return _floating(model), loaded.replace(changes), for_frames
+    for_captures = tuple(text for text in given if not of_the_model(text.partition("=")[0]))
+    return _floating(model), loaded.replace(changes), for_captures
 
 
 def _floating(config: Config) -> Config:
@@ -194,8 +193,8 @@ def _by_e_max(config: Config) -> bool:
     """Whether nothing else says how long the segments are."""
     from dlogen.config.fields import AUTO
 
-    wish = config.segmentation
-    return all(value == AUTO for value in (wish.segments, wish.segment_length))
+    segmentation = config.segmentation
+    return all(value == AUTO for value in (segmentation.segments, segmentation.segment_length))
 
 
 def write_one_model(
@@ -225,15 +224,14 @@ def write_one_model(
 
     made = assemble(keys, rows, folder, _floating(config).replace({"joints.zero": "straight"}), formats, plot=plot)
     out = folder / "one_model"
-    _write(made, out, in_time=False)
-    tell(made.motion, console)
-    console.info("wrote " + ", ".join(dict.fromkeys(str(out / Path(name).parts[0]) for name in made.contents)))
+    _write(made, out, console, in_time=False)
 
 
-def _write(made: Assembled, out: Path, *, in_time: bool) -> None:
-    """Write all files. Models and picture of an earlier run that had another outcome are removed.
+def _write(made: Assembled, out: Path, console: Console, *, in_time: bool) -> None:
+    """Write all files, and say how it went and where they are.
 
-    Beside the new files they would pass for what they are not.
+    Models and picture of an earlier run that had another outcome are removed: beside the new files they would pass for
+    what they are not.
     """
     from dlogen.io.atomic import write_all
     from dlogen.io.registry import model_formats
@@ -246,30 +244,32 @@ def _write(made: Assembled, out: Path, *, in_time: bool) -> None:
     for name in others - made.contents.keys() if changed else ():
         with contextlib.suppress(OSError):
             (out / name).unlink()
+    _tell(made.motion, console)
+    console.info("wrote " + ", ".join(dict.fromkeys(str(out / Path(name).parts[0]) for name in made.contents)))
 
 
-def tell(motion: Motion, console: Console) -> None:
+def _tell(motion: Motion, console: Console) -> None:
     """The outcome in a few lines for people."""
     from dlogen.sequence.reasons import MOTION
 
-    common = motion.common
-    good = common.good
-    sizes, bend = common.sizes, common.bend
-    names = [item.name for item in common.observed]
-    worst = max((k for k in range(len(names)) if good[k]), key=lambda k: float(common.deviation[k]))
-    count = len(common.links)
-    segments = f"{count} segment{'s' if count > 1 else ''} of {1e3 * common.links[0]:.1f} mm"
+    model = motion.model
+    good = model.good
+    sizes, bend = model.sizes, model.bend
+    names = [item.name for item in model.captures]
+    worst = max((k for k in range(len(names)) if good[k]), key=lambda k: float(model.deviation[k]))
+    count = len(model.links)
+    segments = f"{count} segment{'s' if count > 1 else ''} of {1e3 * model.links[0]:.1f} mm"
     what = ("frame" if motion.times is not None else "cloud") + ("s" if len(names) > 1 else "")
     console.info(
         f"{len(names)} {what}, {motion.states.count('good')} good: {sizes.length.value:.4f} m long, radius "
-        f"{1e3 * sizes.radius.value:.2f} mm; {segments}; deviation {1e3 * common.deviation[worst]:.2f} mm at most, in "
-        f"{names[worst]} (allowed {1e3 * common.e_max:.2f}); bent to {bend.radius:.3g} m in {names[bend.frame]}"
+        f"{1e3 * sizes.radius.value:.2f} mm; {segments}; deviation {1e3 * model.deviation[worst]:.2f} mm at most, in "
+        f"{names[worst]} (allowed {1e3 * model.e_max:.2f}); bent to {bend.radius:.3g} m in {names[bend.capture]}"
     )
-    _tell_some([f"{doubt.message} [{doubt.code}]" for doubt in common.doubts], console)
-    _tell_some(_set_aside(motion), console)
+    _tell_some([f"{doubt.message} [{doubt.code}]" for doubt in model.doubts], console)
+    _tell_some(_exclusion_lines(motion), console)
     if any(code == MOTION.code and len(run) >= _PART for code, _, run in _runs(motion)):
         console.hint("if the recording has a cut, or its object was moved meanwhile, give the parts one by one")
-    if common.deviation[worst] > common.e_max:
+    if model.deviation[worst] > model.e_max:
         console.warning("the segments are too long to follow the tightest bends within e_max")
 
 
@@ -281,24 +281,26 @@ def _tell_some(lines: Sequence[str], console: Console) -> None:
 
 
 def _runs(motion: Motion) -> Iterator[tuple[str, str, list[int]]]:
-    """Frames that are set aside: code of the reason, state, and those in a row that share both."""
-    asides = motion.common.asides
-    of_each = [(aside.code if aside else "", state) for aside, state in zip(asides, motion.states, strict=True)]
+    """Captures that are excluded: code of the reason, state, and those in a row that share both."""
+    exclusions = motion.model.exclusions
+    of_each = [
+        (exclusion.code if exclusion else "", state) for exclusion, state in zip(exclusions, motion.states, strict=True)
+    ]
     for (code, state), run in groupby(range(len(of_each)), key=of_each.__getitem__):
         if code:
             yield code, state, list(run)
 
 
-def _set_aside(motion: Motion) -> list[str]:
-    """A line for every frame that is set aside; one for many in a row, which is one reason more often than not."""
-    common = motion.common
+def _exclusion_lines(motion: Motion) -> list[str]:
+    """A line for every capture that is excluded; one for many in a row, which is one reason more often than not."""
+    model = motion.model
     lines = []
     for code, state, run in _runs(motion):
-        first, last = (common.observed[k].name for k in (run[0], run[-1]))
-        why = [f"{aside.message} [{code}]" for k in run if (aside := common.asides[k])]
+        first, last = (model.captures[k].name for k in (run[0], run[-1]))
+        why = [f"{exclusion.message} [{code}]" for k in run if (exclusion := model.exclusions[k])]
         if motion.times is not None and len(run) >= _RUN:
             lines.append(f"{first} to {last} are {state}, {len(run)} frames: such as {first}: {why[0]}")
             continue
         what = "has no pose" if state == "none" else f"is {state}"
-        lines += [f"{common.observed[k].name} {what}: {text}" for k, text in zip(run, why, strict=True)]
+        lines += [f"{model.captures[k].name} {what}: {text}" for k, text in zip(run, why, strict=True)]
     return lines

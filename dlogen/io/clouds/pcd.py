@@ -14,6 +14,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from dlogen.errors import InputError, UsageError
+from dlogen.io.parsing.cloud_header import (
+    CUT_OFF,
+    DAMAGED,
+    MAX_HEADER,
+    bad_line,
+    endless,
+    refuse_claim,
+    refuse_text_claim,
+    shorten,
+    whole_number,
+)
 from dlogen.io.registry import CloudFormat
 
 if TYPE_CHECKING:
@@ -32,8 +43,6 @@ _TYPES = {
     ("F", 4): "<f4",
     ("F", 8): "<f8",
 }
-_MAX_HEADER = 1 << 20
-_DAMAGED = "the header is damaged: export the file again"
 _TITLE = ".PCD v0.7 - Point Cloud Data file format"
 
 
@@ -51,13 +60,11 @@ class _Field:
     @property
     def code(self) -> str:
         """Numpy's code for a coordinate."""
-        from dlogen.io.parsing.cloud_table import shorten
-
         name, kind = shorten(self.name), shorten(self.type)
         if self.count != 1:
-            raise InputError(f"the field {name!r} has {self.count} numbers for each point", _DAMAGED)
+            raise InputError(f"the field {name!r} has {self.count} numbers for each point", DAMAGED)
         if (self.type, self.size) not in _TYPES:
-            raise InputError(f"the field {name!r} is of TYPE {kind} and SIZE {self.size}: unknown", _DAMAGED)
+            raise InputError(f"the field {name!r} is of TYPE {kind} and SIZE {self.size}: unknown", DAMAGED)
         return _TYPES[self.type, self.size]
 
 
@@ -102,7 +109,7 @@ def read(path: Path) -> RawCloud:
     from dlogen.types import RawCloud
 
     with path.open("rb") as stream:
-        header = _read_header(stream.read(_MAX_HEADER))
+        header = _read_header(stream.read(MAX_HEADER))
         names = [item.name for item in header.fields]
         points, normals = locate(names)
         columns = {index: header.fields[index].code for index in points + (normals or [])}
@@ -110,6 +117,8 @@ def read(path: Path) -> RawCloud:
         stream.seek(header.size)
         if header.encoding == "ascii":
             table = _read_text(stream, header, columns, available)
+        elif header.points == 0:
+            table = np.empty((0, len(columns)))
         elif header.encoding == "binary":
             table = _read_binary(stream, header, columns, available)
         else:
@@ -138,22 +147,21 @@ def write(path: Path, cloud: RawCloud, encoding: str) -> None:
     """
     import numpy as np
 
-    from dlogen.io.parsing.cloud_table import smallest_type, text_rows
+    from dlogen.io.parsing.cloud_table import records
     from dlogen.io.parsing.lzf import compress
+    from dlogen.io.parsing.text_rows import text_rows
 
-    groups = [(("x", "y", "z"), cloud.points)]
-    if cloud.normals is not None:
-        groups.append((("normal_x", "normal_y", "normal_z"), cloud.normals))
-    layout = [(name, "<" + smallest_type(values)) for names, values in groups for name in names]
+    rows = records(cloud, ("normal_x", "normal_y", "normal_z"))
+    names = rows.dtype.names or ()
     pose = (0, 0, 0, 1, 0, 0, 0) if cloud.viewpoint is None else cloud.viewpoint.tolist()
     lines = [
         f"# {_TITLE}",
         *(f"# {' '.join(comment.split())}" for comment in cloud.comments),
         "VERSION 0.7",
-        f"FIELDS {' '.join(name for name, _ in layout)}",
-        f"SIZE {' '.join(code[-1] for _, code in layout)}",
-        f"TYPE {' '.join('F' for _ in layout)}",
-        f"COUNT {' '.join('1' for _ in layout)}",
+        f"FIELDS {' '.join(names)}",
+        f"SIZE {' '.join(str(rows.dtype[name].itemsize) for name in names)}",
+        f"TYPE {' '.join('F' for _ in names)}",
+        f"COUNT {' '.join('1' for _ in names)}",
         f"WIDTH {cloud.width if cloud.organised else len(cloud.points)}",
         f"HEIGHT {cloud.height if cloud.organised else 1}",
         f"VIEWPOINT {' '.join(repr(number).removesuffix('.0') for number in pose)}",
@@ -161,19 +169,15 @@ def write(path: Path, cloud: RawCloud, encoding: str) -> None:
         f"DATA {encoding}",
         "",
     ]
-    columns = np.vstack([values.T for _, values in groups])
     with path.open("wb") as stream:
         stream.write("\n".join(lines).encode())
         if encoding == "ascii":
-            stream.writelines(text_rows(columns.T))
+            stream.writelines(text_rows(rows))
         elif encoding == "binary":
-            rows = np.empty(len(cloud.points), dtype=layout)
-            for (name, _), column in zip(layout, columns, strict=True):
-                rows[name] = column
             stream.write(rows.tobytes())
         else:
             # One field after the other: their bytes are more alike than those of a point.
-            body = b"".join(column.astype(code).tobytes() for (_, code), column in zip(layout, columns, strict=True))
+            body = b"".join(rows[name].tobytes() for name in names)
             packed = compress(body)
             if max(len(body), len(packed)) >= 1 << 32:
                 raise UsageError("binary_compressed holds 4 GiB at most", "write it as binary")
@@ -181,15 +185,9 @@ def write(path: Path, cloud: RawCloud, encoding: str) -> None:
 
 
 def _read_header(head: bytes) -> _Header:
-    from dlogen.io.parsing.cloud_table import shorten
-
     end = re.search(rb"^[ \t]*DATA\b[^\r\n]*(\r?\n|\Z)", head, re.MULTILINE)
     if not end:
-        raise InputError(
-            "the PCD header has no end: there is no line 'DATA'"
-            + (f" in its first {_MAX_HEADER} bytes" if len(head) == _MAX_HEADER else ""),
-            "the file is cut off or not a PCD file: copy or export it again",
-        )
+        raise endless("PCD", "DATA", head, "not a PCD file")
     entries: dict[str, list[str]] = {}
     comments: list[str] = []
     for number, line in enumerate(re.split(r"\r?\n", head[: end.end()].decode("utf-8", errors="replace")), start=1):
@@ -199,7 +197,7 @@ def _read_header(head: bytes) -> _Header:
             if comment and not comment.startswith(".PCD v"):
                 comments.append(comment)
         elif keyword not in _KEYWORDS or keyword in entries or not values:
-            raise InputError(f"PCD header, line {number} ({shorten(line)!r}): it makes no sense here", _DAMAGED)
+            raise bad_line("PCD", number, line, "it makes no sense here")
         else:
             entries[keyword] = values
 
@@ -214,11 +212,9 @@ def _read_header(head: bytes) -> _Header:
 
 
 def _fields(entries: dict[str, list[str]]) -> tuple[_Field, ...]:
-    from dlogen.io.parsing.cloud_table import shorten, whole_number
-
     names = entries.get("FIELDS") or entries.get("COLUMNS")
     if not names:
-        raise InputError("the PCD header has no line 'FIELDS'", _DAMAGED)
+        raise InputError("the PCD header has no line 'FIELDS'", DAMAGED)
     columns = {
         "SIZE": entries.get("SIZE", ["4"] * len(names)),
         "TYPE": entries.get("TYPE", ["F"] * len(names)),
@@ -226,22 +222,20 @@ def _fields(entries: dict[str, list[str]]) -> tuple[_Field, ...]:
     }
     for keyword, values in columns.items():
         if len(values) != len(names):
-            raise InputError(f"the PCD header has {len(names)} FIELDS, but {len(values)} values of {keyword}", _DAMAGED)
+            raise InputError(f"the PCD header has {len(names)} FIELDS, but {len(values)} values of {keyword}", DAMAGED)
     sizes = [whole_number(value, "SIZE") for value in columns["SIZE"]]
     counts = [whole_number(value, "COUNT") for value in columns["COUNT"]]
     for name, size, count in zip(names, sizes, counts, strict=True):
         if size < 1 or count < 1:
-            raise InputError(f"the field {shorten(name)!r} has SIZE {size} and COUNT {count}", _DAMAGED)
+            raise InputError(f"the field {shorten(name)!r} has SIZE {size} and COUNT {count}", DAMAGED)
     return tuple(map(_Field, names, sizes, columns["TYPE"], counts))
 
 
 def _shape(entries: dict[str, list[str]]) -> tuple[int, int]:
     """Width and height; POINTS stands in for what is missing."""
-    from dlogen.io.parsing.cloud_table import whole_number
-
     given = {key: whole_number(entries[key][0], key) for key in ("WIDTH", "HEIGHT", "POINTS") if key in entries}
     if not {"WIDTH", "POINTS"} & set(given):
-        raise InputError("the PCD header has neither 'POINTS' nor 'WIDTH'", _DAMAGED)
+        raise InputError("the PCD header has neither 'POINTS' nor 'WIDTH'", DAMAGED)
     height = given.get("HEIGHT", 1)
     width = given.get("WIDTH", given.get("POINTS", 0) // max(height, 1))
     points = given.get("POINTS", width * height)
@@ -257,8 +251,6 @@ def _viewpoint(entries: dict[str, list[str]]) -> tuple[float, ...] | None:
     """Sensor position and quaternion; None where the file has none or it is not finite."""
     import math
 
-    from dlogen.io.parsing.cloud_table import shorten
-
     words = entries.get("VIEWPOINT")
     if words is None:
         return None
@@ -267,28 +259,18 @@ def _viewpoint(entries: dict[str, list[str]]) -> tuple[float, ...] | None:
     except ValueError:
         pose = ()
     if len(pose) != 7:
-        raise InputError(f"VIEWPOINT is {shorten(' '.join(words))!r}, not seven numbers", _DAMAGED)
+        raise InputError(f"VIEWPOINT is {shorten(' '.join(words))!r}, not seven numbers", DAMAGED)
     return pose if all(map(math.isfinite, pose)) else None
 
 
 def _read_text(stream: BinaryIO, header: _Header, columns: dict[int, str], available: int) -> Array:
-    import numpy as np
-
-    from dlogen.io.parsing.cloud_table import CUT_OFF, TextRows, refuse_claim, refuse_rows
+    from dlogen.io.parsing.text_rows import TextRows
 
     width = sum(item.count for item in header.fields)
     places = [sum(item.count for item in header.fields[:index]) for index in columns]
-    # A number takes two bytes at least, but the separator after the last one may be missing.
-    refuse_claim("points", header.points, 2 * width, available + 1, at_most=True)
-    table = np.empty((header.points, len(columns)))
+    refuse_text_claim("points", header.points, width, available)
     rows = TextRows(stream)
-    done = 0
-    for values, first in rows.take(header.points, "points"):
-        refuse_rows(np.diff(first) != width, first, done, "points", str(width))
-        table[done : done + len(first) - 1] = values.reshape(-1, width)[:, places]
-        done += len(first) - 1
-    if done < header.points:
-        raise InputError(f"the header claims {header.points} points, the file holds {done}", CUT_OFF)
+    table = rows.table(header.points, "points", width, places)
     rows.refuse_more("points")
     return table
 
@@ -296,24 +278,26 @@ def _read_text(stream: BinaryIO, header: _Header, columns: dict[int, str], avail
 def _read_binary(stream: BinaryIO, header: _Header, columns: dict[int, str], available: int) -> Array:
     import numpy as np
 
-    from dlogen.io.parsing.cloud_table import gather_table, refuse_claim
+    from dlogen.io.parsing.cloud_table import columns_table
 
     stride = sum(item.bytes for item in header.fields)
     refuse_claim("points", header.points, stride, available)
     data = np.fromfile(stream, dtype=np.uint8, count=header.points * stride)
     starts = list(accumulate((item.bytes for item in header.fields), initial=0))
-    return gather_table(data, [((starts[index], stride), code) for index, code in columns.items()], header.points)
+    found = [
+        np.ndarray((header.points,), dtype=code, buffer=data, offset=starts[index], strides=(stride,))
+        for index, code in columns.items()
+    ]
+    return columns_table(found, header.points)
 
 
 def _read_compressed(stream: BinaryIO, header: _Header, columns: dict[int, str], available: int) -> Array:
     """One field after the other, all points of each."""
     import numpy as np
 
-    from dlogen.io.parsing.cloud_table import CUT_OFF, Place, gather_table
+    from dlogen.io.parsing.cloud_table import columns_table
     from dlogen.io.parsing.lzf import MAX_RATIO, decompress
 
-    if header.points == 0:
-        return np.empty((0, len(columns)))
     if available < 8:
         raise InputError(f"the header claims {header.points} points, the file ends with it", CUT_OFF)
     packed_size, size = (int(number) for number in np.fromfile(stream, dtype="<u4", count=2))
@@ -336,11 +320,11 @@ def _read_compressed(stream: BinaryIO, header: _Header, columns: dict[int, str],
     except ValueError as error:
         raise InputError(f"the compressed data are damaged: {error}", "copy or export the file again") from None
     starts = list(accumulate((item.bytes * header.points for item in fields), initial=0))
-    places: list[tuple[Place, str]] = []
+    found = []
     for index, code in columns.items():
-        item = header.fields[index]
-        places.append(((starts[fields.index(item)], item.size), code))
-    return gather_table(np.frombuffer(data, dtype=np.uint8), places, header.points)
+        start = starts[fields.index(header.fields[index])]
+        found.append(np.frombuffer(data, dtype=code, count=header.points, offset=start))
+    return columns_table(found, header.points)
 
 
 FORMAT = CloudFormat(

@@ -33,6 +33,10 @@ class Curve(ShortRepr):
         points: (K, 3) vertices in order, K >= 2, metres.
         kind: a name in `KINDS`.
         name: the file, as the user called it; "stdin" for "-".
+
+    >>> import dlogen, numpy as np
+    >>> dlogen.Curve(np.array([[0.0, 0.0, 0.0], [0.3, 0.4, 0.0]]), "csv", "axis.csv").length
+    0.5
     """
 
     points: Array
@@ -59,8 +63,19 @@ def load_curve(source: str | Path) -> Curve:
         source: the file; "-" is stdin. A file that holds several curves gives the first one; "#KIND" behind the name
             picks another: "cloud.json" is the chain, "cloud.json#skeleton" the skeleton line.
 
+    Returns:
+        The vertices in order, (K, 3) metres, and what kind of curve it is.
+
     Raises:
         InputError: there is no such file, it is of no known kind, it is damaged, or its points make no curve.
+
+    >>> import dlogen, pathlib, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "axis.csv")
+    ...     _ = path.write_text("x,y,z\\n0,0,0\\n0.3,0.4,0\\n")
+    ...     curve = dlogen.load_curve(path)
+    >>> curve.kind, curve.length
+    ('csv', 0.5)
     """
     name = str(source)
     place, part = _split(name)

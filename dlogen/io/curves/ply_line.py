@@ -2,41 +2,55 @@
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from dlogen.errors import InputError
 from dlogen.io.curves.curve_file import CurveFile
 from dlogen.io.curves.order import in_order
+from dlogen.io.parsing.ply_header import Header, read_header
+from dlogen.io.parsing.ply_rows import read_rows
 from dlogen.types import Array, IntArray
+
+_ENDS = ("vertex1", "vertex2")
 
 
 def read_ply(file: CurveFile) -> Array:
     """Vertices in file order, or in the order of the element `edge` where there is one (Open3D's line sets)."""
     from dlogen.io.cloud_files import read_raw
 
-    header = file.data[: file.data.find(b"end_header") + 1]
-    rows = {name: int(count) for name, count in re.findall(rb"^element\s+(\w+)\s+(\d+)\s*$", header, re.MULTILINE)}
-    if rows.get(b"face"):
-        raise InputError("this is a mesh, not a curve", "give the points of the centre line in order, or edges")
-    with file.seekable() as path:
+    with file.seekable() as path, path.open("rb") as stream:
+        header = read_header(stream)
+        if _rows(header, "face"):
+            raise InputError("this is a mesh, not a curve", "give the points of the centre line in order, or edges")
         points = read_raw(path).points
-        if not rows.get(b"edge"):
+        if not _rows(header, "edge"):
             return in_order(points)
-        return points[_along(_ply_edges(path), len(points))]
+        return points[_along(_edges(stream, header), len(points))]
 
 
-def _ply_edges(path: Path) -> IntArray:
+def _rows(header: Header, name: str) -> int:
+    """How many rows an element has."""
+    index = header.index(name)
+    return 0 if index is None else header.elements[index].rows
+
+
+def _edges(stream: BinaryIO, header: Header) -> IntArray:
     """(E, 2) indices of vertices."""
-    from plyfile import PlyData, PlyParseError
-
-    try:
-        edges = PlyData.read(str(path))["edge"]
-        return np.stack([edges["vertex1"], edges["vertex2"]], axis=1).astype(np.intp)
-    except (PlyParseError, ValueError, KeyError) as error:
-        raise InputError(f"the edges cannot be read: {error}", "edges have the properties vertex1, vertex2") from None
+    index = header.index("edge")
+    assert index is not None
+    element = header.elements[index]
+    hint = "edges have the properties vertex1, vertex2"
+    numbers = {item.name: place for place, item in enumerate(element.properties) if not item.count}
+    for name in _ENDS:
+        if name not in numbers:
+            raise InputError(f"the edges cannot be read: no field of name {name}", hint)
+    table = read_rows(stream, header, {index: [numbers[name] for name in _ENDS]})[index]
+    wrong = ((table != np.floor(table)) | ~(np.abs(table) < 2**53)).any(axis=1)
+    if wrong.any():
+        raise InputError(f"the edges cannot be read: row {int(wrong.argmax()) + 1} has no whole numbers", hint)
+    return table.astype(np.intp)
 
 
 def _along(edges: IntArray, count: int) -> IntArray:

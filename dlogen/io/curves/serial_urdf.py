@@ -57,7 +57,8 @@ def link_origins(data: bytes) -> Array:
     first = next((i for i, name in enumerate(names) if body.get(name)), 0)
     points = np.array(origins[first:])
     apart = np.linalg.norm(np.diff(points, axis=0), axis=1) > _SAME_PLACE
-    return points[np.concatenate([[True], apart])]
+    vertices: Array = points[np.concatenate([[True], apart])]
+    return vertices
 
 
 def _xml(data: bytes) -> ElementTree.Element:

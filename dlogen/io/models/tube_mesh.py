@@ -54,24 +54,27 @@ def write_obj(result: Result, stem: str) -> dict[str, bytes]:
 
 def write_ply(result: Result, stem: str) -> dict[str, bytes]:
     """One file, `stem.tube.ply`, binary, with double precision, which trimesh's own writer does not have."""
+    import io
+
     import numpy as np
 
     from dlogen.geometry.tube_mesh import tube_mesh
+    from dlogen.io.parsing import ply_writer
 
     tube = tube_mesh(result.skeleton, result.chain.radius)
-    faces = np.empty(len(tube.faces), dtype=[("count", "u1"), ("index", "<i4", 3)])
-    faces["count"], faces["index"] = 3, tube.faces
-    header = [
-        "ply",
-        "format binary_little_endian 1.0",
-        "comment tube around the skeleton line, metres",
-        f"element vertex {len(tube.vertices)}",
-        *(f"property double {axis}" for axis in "xyz"),
-        f"element face {len(faces)}",
-        "property list uchar int vertex_indices",
-        "end_header\n",
-    ]
-    return {f"{stem}.tube.ply": "\n".join(header).encode() + tube.vertices.astype("<f8").tobytes() + faces.tobytes()}
+    vertices = np.empty(len(tube.vertices), dtype=[(axis, "<f8") for axis in "xyz"])
+    for axis, column in zip("xyz", tube.vertices.T, strict=True):
+        vertices[axis] = column
+    faces = np.empty(len(tube.faces), dtype=[("vertex_indices", "<i4", 3)])
+    faces["vertex_indices"] = tube.faces
+    stream = io.BytesIO()
+    ply_writer.write_ply(
+        stream,
+        {"vertex": vertices, "face": faces},
+        "binary_little_endian",
+        ["tube around the skeleton line, metres"],
+    )
+    return {f"{stem}.tube.ply": stream.getvalue()}
 
 
 FORMATS = (

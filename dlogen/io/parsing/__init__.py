@@ -1,1 +1,1 @@
-"""What cloud formats are read with: tables of records, LZF, lists in PLY."""
+"""What cloud formats are read with and written by: headers, rows of text, tables of records, PLY, LZF."""

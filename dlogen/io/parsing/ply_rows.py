@@ -1,114 +1,198 @@
-"""The rows of PLY files: what stands after the header."""
+"""The rows of PLY files: what stands after the header.
+
+Binary rows are mapped into memory by plyfile, which is imported where that is done: it takes 0.6 ms once numpy is
+there. Two things stay by hand, with the reason beside them: text, and lists of varying length.
+"""
 
 from __future__ import annotations
 
+import io
+import os
 import struct
-from collections.abc import Mapping, Sequence
-from typing import BinaryIO
+from collections.abc import Mapping
+from typing import Any, BinaryIO
 
 import numpy as np
+import numpy.typing as npt
 
 from dlogen.errors import InputError
-from dlogen.io.parsing.cloud_table import (
-    CUT_OFF,
-    Bytes,
-    Place,
-    TextRows,
-    gather,
-    gather_table,
-    refuse_claim,
-    refuse_rows,
-)
-from dlogen.io.parsing.ply_elements import Element
+from dlogen.io.parsing.cloud_header import CUT_OFF, refuse_claim, refuse_missing, refuse_text_claim
+from dlogen.io.parsing.cloud_table import Bytes, columns_table, gather
+from dlogen.io.parsing.ply_header import BYTE_ORDERS, TYPES, Element, Header
+from dlogen.io.parsing.text_rows import TextRows, refuse_rows
 from dlogen.types import Array, IntArray
 
 #: The properties to read, by the index of their element.
 Wanted = Mapping[int, list[int]]
 
 _STRUCT = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q"}
+_KEYWORDS = {code: keyword for keyword, code in reversed(TYPES.items())}
+# plyfile has no 64-bit integers: eight bytes are eight bytes until they are looked at.
+_KEYWORDS["i8"] = _KEYWORDS["u8"] = "double"
+# Bytes of a row that numpy has types for.
+_LARGEST_RECORD = 1 << 31
 
 
-def read_text(stream: BinaryIO, elements: Sequence[Element], wanted: Wanted) -> dict[int, Array]:
-    """The wanted properties of the wanted elements, as float64 columns. All rows are checked."""
+def read_rows(stream: BinaryIO, header: Header, wanted: Wanted) -> dict[int, Array]:
+    """The wanted properties of the wanted elements, as float64 columns. All elements have to be complete.
+
+    Args:
+        stream: the file that the header is of.
+        header: what it says.
+        wanted: which properties, none of them lists.
+
+    Raises:
+        InputError: the file is damaged or cut off.
+    """
+    is_text = header.encoding == "ascii"
+    available = os.fstat(stream.fileno()).st_size - header.size
+    for element in header.elements:
+        if is_text:
+            refuse_text_claim(element.what, element.rows, len(element.properties), available)
+        else:
+            refuse_claim(element.what, element.rows, element.smallest, available, at_most=element.has_lists)
+    stream.seek(header.size)
+    if is_text:
+        return _read_text(stream, header, wanted)
+    return {
+        index: _read_binary(stream, element, wanted.get(index, []), header.encoding)
+        for index, element in enumerate(header.elements)
+    }
+
+
+def _read_text(stream: BinaryIO, header: Header, wanted: Wanted) -> dict[int, Array]:
+    """By hand: plyfile takes 4 to 6 times as long, and refuses blanks at the ends of rows and "-nan(ind)"."""
     rows = TextRows(stream)
     tables = {}
-    for index, element in enumerate(elements):
+    for index, element in enumerate(header.elements):
         columns = wanted.get(index, [])
-        table = np.empty((element.rows if columns else 0, len(columns)))
-        done = 0
-        for values, first in rows.take(element.rows if element.properties else 0, element.what):
-            block = _text_columns(element, columns, values, first, done)
-            if columns:
-                table[done : done + len(block)] = block
-            done += len(first) - 1
-        if element.properties:
-            _refuse_missing(element, done)
-        tables[index] = table
-    rows.refuse_more(elements[-1].what)
+        if not element.properties:
+            tables[index] = np.empty((0, 0))
+        elif element.has_lists:
+            pick = _ListPicker(element, columns)
+            tables[index] = rows.collect(element.rows, element.what, len(columns), pick)
+        else:
+            tables[index] = rows.table(element.rows, element.what, len(element.properties), columns)
+    rows.refuse_more(header.elements[-1].what)
     return tables
 
 
-def _text_columns(element: Element, columns: list[int], values: Array, first: IntArray, row: int) -> Array:
-    """Columns of a block of rows: numbers one after the other -> (k, len(columns))."""
-    width = len(element.properties)
+class _ListPicker:
+    """Picks columns from rows of text with lists in them: numbers one after the other -> (k, len(columns))."""
+
+    def __init__(self, element: Element, columns: list[int]) -> None:
+        self.element = element
+        self.columns = columns
+
+    def __call__(self, values: Array, first: IntArray, row: int) -> Array:
+        what = self.element.what
+        # Step through the properties, all rows at once: `at` is the number that each row has come to.
+        at, end = first[:-1], first[1:]
+        out = np.empty((len(at), len(self.columns)))
+        for index, item in enumerate(self.element.properties):
+            refuse_rows(at >= end, first, row, what, "as many as its lists need")
+            if index in self.columns:
+                out[:, self.columns.index(index)] = values[at]
+            at = at + 1
+            if item.count:
+                counts = values[at - 1]
+                fits = (counts >= 0) & (counts <= end - at) & (counts == np.floor(counts))
+                refuse_rows(~fits, first, row, what, "as many as its lists need")
+                at = at + counts.astype(np.intp)
+        refuse_rows(at != end, first, row, what, "as many as its lists need")
+        return out
+
+
+def _read_binary(stream: BinaryIO, element: Element, columns: list[int], encoding: str) -> Array:
+    """Columns of the element whose rows begin where the stream is; leaves the stream at their end."""
+    if not element.rows or not element.properties:
+        return np.empty((0, len(columns)))
+    start = stream.tell()
+    size = os.fstat(stream.fileno()).st_size
     if not element.has_lists:
-        refuse_rows(np.diff(first) != width, first, row, element.what, str(width))
-        return values.reshape(-1, width)[:, columns]
-    # Step through the properties, all rows at once: `at` is the number that each row has come to.
-    at, end = first[:-1], first[1:]
-    out = np.empty((len(at), len(columns)))
-    for index, item in enumerate(element.properties):
-        refuse_rows(at >= end, first, row, element.what, "as many as its lists need")
-        if index in columns:
-            out[:, columns.index(index)] = values[at]
-        at = at + 1
-        if item.count:
-            counts = values[at - 1]
-            fits = (counts >= 0) & (counts <= end - at) & (counts == np.floor(counts))
-            refuse_rows(~fits, first, row, element.what, "as many as its lists need")
-            at = at + counts.astype(np.intp)
-    refuse_rows(at != end, first, row, element.what, "as many as its lists need")
-    return out
+        refuse_claim(element.what, element.rows, element.smallest, size - start)
+        return columns_table(_mapped(stream, element, columns, encoding, []), element.rows)
+    from plyfile import PlyParseError
 
-
-def read_binary(stream: BinaryIO, elements: Sequence[Element], wanted: Wanted, order: str) -> dict[int, Array]:
-    """The wanted properties of the wanted elements, as float64 columns. All elements have to be complete."""
-    data = np.fromfile(stream, dtype=np.uint8)
-    tables = {}
-    start = 0
-    for index, element in enumerate(elements):
-        columns = wanted.get(index, [])
-        places, start = _places(data, element, order, start, columns)
-        codes = [order + element.properties[column].type for column in columns]
-        tables[index] = gather_table(data, list(zip(places, codes, strict=True)), element.rows if columns else 0)
-    return tables
-
-
-def _places(data: Bytes, element: Element, order: str, start: int, columns: list[int]) -> tuple[list[Place], int]:
-    """Where the columns stand, and where the element ends.
-
-    Lists make rows of unlike size. In practice they are all of one length (triangles), which is checked for all
-    rows at once; only where they are not, the rows are walked one by one.
-    """
-    if element.rows == 0:
-        return [(start, 0)] * len(columns), start
-    if not element.has_lists:
-        refuse_claim(element.what, element.rows, sum(item.smallest for item in element.properties), len(data) - start)
+    order = BYTE_ORDERS[encoding]
+    data = _content(stream)
     walk = _RowWalk(data, element, order)
-    first, row_end = walk(start, 0)
-    stride = row_end - start
-    if start + element.rows * stride <= len(data) and all(
-        (gather(data, (place, stride), order + item.count, element.rows) == length).all()
-        for place, item, length in zip(first, element.properties, walk.lengths, strict=True)
-        if item.count
-    ):
-        return [(first[index], stride) for index in columns], start + element.rows * stride
-    offsets = np.empty((element.rows if columns else 0, len(columns)), dtype=np.intp)
+    _, end = walk(start, 0)
+    # In practice all lists are of one length (triangles), which plyfile checks for all rows at once when it is told.
+    if isinstance(data, np.memmap) and element.rows * (end - start) <= size - start and end - start < _LARGEST_RECORD:
+        stream.seek(start)
+        try:
+            return columns_table(_mapped(stream, element, columns, encoding, walk.lengths), element.rows)
+        except PlyParseError:
+            pass
+    # Where they vary, rows are walked one by one by hand. plyfile takes 2.5 to 5 times as long, asks for the memory of
+    # a list before it looks whether the file has it (1 GB for 8 bytes that claim 2^27 doubles), and takes a list of -1
+    # bytes for all that is left of the file.
+    offsets = np.empty((element.rows, len(columns)), dtype=np.intp)
+    end = start
     for row in range(element.rows):
-        places, start = walk(start, row)
+        places, end = walk(end, row)
         if columns:
             offsets[row] = [places[index] for index in columns]
-    return list(offsets.T), start
+    stream.seek(end)
+    codes = [order + element.properties[column].type for column in columns]
+    return columns_table(
+        [gather(data, place, code) for place, code in zip(offsets.T, codes, strict=True)], element.rows
+    )
+
+
+def _content(stream: BinaryIO) -> Bytes:
+    """All bytes of a file, mapped into memory where the file system can."""
+    try:
+        return np.memmap(stream, dtype=np.uint8, mode="r")
+    except (OSError, ValueError):
+        stream.seek(0)
+        return np.fromfile(stream, dtype=np.uint8)
+
+
+def _mapped(
+    stream: BinaryIO, element: Element, columns: list[int], encoding: str, lengths: list[int]
+) -> list[npt.NDArray[Any]]:
+    """Columns of the element whose rows begin where the stream is, mapped into memory by plyfile.
+
+    Args:
+        stream: will be at the end of the rows.
+        element: its rows, all of which are there.
+        columns: the properties.
+        encoding: of the file.
+        lengths: of the list of each property, the same in all rows; empty where there are no lists.
+
+    Raises:
+        PlyParseError: lists have other lengths.
+    """
+    from plyfile import PlyData
+
+    lines = ["ply", f"format {encoding} 1.0", f"element row {element.rows}"]
+    for index, item in enumerate(element.properties):
+        kind = f"list {_KEYWORDS[item.count]} {_KEYWORDS[item.type]}" if item.count else _KEYWORDS[item.type]
+        lines.append(f"property {kind} p{index}")
+    known = {f"p{index}": lengths[index] for index, item in enumerate(element.properties) if item.count}
+    spelt = _OtherHeader("\n".join([*lines, "end_header", ""]).encode(), stream)
+    rows = PlyData.read(spelt, known_list_len={"row": known})["row"].data
+    order = BYTE_ORDERS[encoding]
+    return [rows[f"p{column}"].view(order + element.properties[column].type) for column in columns]
+
+
+class _OtherHeader:
+    """A file for plyfile whose rows stand behind a header in the spelling that plyfile takes.
+
+    Files come with blanks at the ends of lines, comments beyond ASCII, 64-bit integers, names with blanks and two
+    properties of one name: `ply_header` has read all that, plyfile would refuse it.
+    """
+
+    def __init__(self, header: bytes, stream: BinaryIO) -> None:
+        self._header = io.BytesIO(header)
+        self._stream = stream
+        # What maps files into memory asks for these.
+        self.tell, self.seek, self.fileno = stream.tell, stream.seek, stream.fileno
+
+    def read(self, size: int = -1) -> bytes:
+        return self._header.read(size) or self._stream.read(size)
 
 
 class _RowWalk:
@@ -116,7 +200,8 @@ class _RowWalk:
 
     def __init__(self, data: Bytes, element: Element, order: str) -> None:
         self.data = data.data
-        self.element = element
+        self.what = element.what
+        self.rows = element.rows
         self.counts = [
             struct.Struct(order + _STRUCT[item.count]) if item.count else None for item in element.properties
         ]
@@ -132,18 +217,12 @@ class _RowWalk:
                 at += size
                 continue
             if at + count.size > len(self.data):
-                _refuse_missing(self.element, row)
+                refuse_missing(self.what, self.rows, row)
             (length,) = count.unpack_from(self.data, at)
             if length < 0:
-                raise InputError(f"a list in row {row + 1} of the {self.element.what} has {length} numbers", CUT_OFF)
+                raise InputError(f"a list in row {row + 1} of the {self.what} has {length} numbers", CUT_OFF)
             self.lengths[index] = length
             at += count.size + length * size
         if at > len(self.data):
-            _refuse_missing(self.element, row)
+            refuse_missing(self.what, self.rows, row)
         return places, at
-
-
-def _refuse_missing(element: Element, holds: int) -> None:
-    """Refuse a file that has fewer rows than its header says."""
-    if holds < element.rows:
-        raise InputError(f"the header claims {element.rows} {element.what}, the file holds {holds}", CUT_OFF)

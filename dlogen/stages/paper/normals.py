@@ -177,7 +177,8 @@ def outwardness(points: Array, normals: Array, radius: float) -> Array:
 
 def _row_hash(keys: np.ndarray) -> np.ndarray:
     """One integer for each row of three; unique for all grids below 2^21 cells a side."""
-    return keys[:, 0] | (keys[:, 1] << 21) | (keys[:, 2] << 42)
+    key: np.ndarray = keys[:, 0] | (keys[:, 1] << 21) | (keys[:, 2] << 42)
+    return key
 
 
 def orient_normals(

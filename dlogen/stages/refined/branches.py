@@ -82,7 +82,10 @@ def _longest_paths(graph: csr_matrix) -> tuple[list[tuple[IntArray, float]], Int
 
     def farthest(distance: Array) -> IntArray:
         by_distance = np.lexsort((distance, label))
-        return by_distance[np.append(np.searchsorted(label[by_distance], np.arange(1, count)), len(label)) - 1]
+        farthest: IntArray = by_distance[
+            np.append(np.searchsorted(label[by_distance], np.arange(1, count)), len(label)) - 1
+        ]
+        return farthest
 
     start = farthest(dijkstra(graph, indices=first, min_only=True))
     distance, before, _ = dijkstra(graph, indices=start, min_only=True, return_predecessors=True)

@@ -110,7 +110,7 @@ def bending_cost(a: Array, heading_a: Array, b: Array, heading_b: Array, radius:
     turn = 2.0 * max(float(alpha @ alpha + alpha @ beta + beta @ beta), 0.0) ** 0.5
     if length > _BLIND * radius and turn > _BLIND_TURN:
         return np.inf
-    return turn**2 * radius / length + 0.05 * turn**2 + 0.02 * length / radius
+    return float(turn**2 * radius / length + 0.05 * turn**2 + 0.02 * length / radius)
 
 
 def _is_path(joins: list[tuple[int, int]]) -> bool:

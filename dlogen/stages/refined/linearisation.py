@@ -36,7 +36,8 @@ def _penalty(curve: TubeCurve) -> Array:
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     across = np.eye(3) - tangent[:, :, None] * tangent[:, None, :]
     blocks = THIRD_DIFFERENCE[:, None, None, None] * THIRD_DIFFERENCE[:, None] * across[:, None, :, None, :]
-    return blocks.reshape(-1, 12, 12)
+    square: Array = blocks.reshape(-1, 12, 12)
+    return square
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +156,8 @@ class Linearisation:
     def _limited(self, step: Array) -> Array:
         """Steps of at most half an interval each: where there are hardly any points, a solution may be anywhere."""
         length = np.linalg.norm(step, axis=1, keepdims=True)
-        return step * np.minimum(1.0, 0.5 * self.curve.step / np.maximum(length, 1e-300))
+        shortened: Array = step * np.minimum(1.0, 0.5 * self.curve.step / np.maximum(length, 1e-300))
+        return shortened
 
     def moved(self, solution: Solution) -> float:
         """Root mean square of the change that a step makes to the distances of the points, metres."""

@@ -258,7 +258,7 @@ def _covariances(sums: Array) -> Array:
     scaled = sums.T.copy()
     scaled /= np.maximum(scaled[0], 1e-300)
     _, x, y, z = scaled[:4]
-    second = scaled[4:]
+    second: Array = scaled[4:]
     for row, product in zip(second, (x * x, x * y, y * y, x * z, y * z, z * z), strict=True):
         row -= product
     return second
@@ -304,7 +304,7 @@ def squared_distances(points: Array, pairs: IntArray) -> Array:
 def _weighted_sums(features: Array, weight: Array, half: IntArray, squared: Array, reach: Array) -> Array:
     """Sums with the weights (1 - (d / reach)^2)^2 of the neighbours, times their number of points; and of itself."""
     weighted = features * weight[:, None]
-    result = weighted.copy()
+    result: Array = weighted.copy()
     scale = 1.0 / reach**2
     for rows, columns in (half, half[::-1]):
         value = 1.0 - squared * scale[rows]

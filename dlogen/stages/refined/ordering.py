@@ -254,7 +254,8 @@ def _around(points: Array, line: Array, r: float, noise: float) -> BoolArray:
     dense = resample(line, 2 * len(line))
     step = arc_lengths(dense)[-1] / (len(dense) - 1)
     distance, _ = cKDTree(dense).query(points, distance_upper_bound=float(np.hypot(reach, 0.5 * step)))
-    return np.isfinite(distance)
+    reached: BoolArray = np.isfinite(distance)
+    return reached
 
 
 def _bridges(line: _Line, points: Array, tree: cKDTree, r: float) -> list[Bridge]:

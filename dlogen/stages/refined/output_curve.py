@@ -26,7 +26,9 @@ def sufficient_spacing(curve: TubeCurve, radius: float) -> float:
     fourth = float(np.linalg.norm(np.diff(curve.coefficients, 4, axis=0), axis=1).max()) / curve.step**4
     fourth = max(fourth, 1e-12 / radius**3)
     bend = float(curve.curvature(np.array([0.5])).max())
-    return min((384.0 * _DEVIATION * radius / fourth) ** 0.25, (12.0 * _BEND_DEVIATION * bend / fourth) ** 0.5)
+    by_deviation: float = (384.0 * _DEVIATION * radius / fourth) ** 0.25
+    by_bend: float = (12.0 * _BEND_DEVIATION * bend / fourth) ** 0.5
+    return min(by_deviation, by_bend)
 
 
 def output_curve(curve: TubeCurve, start: float, end: float, radius: float) -> TubeCurve:

@@ -78,16 +78,20 @@ class TubeCurve:
         """f or its derivative with respect to arc length (that is, x times `step`): (K,) -> (K, 3)."""
         x = np.asarray(x, dtype=float)
         k = np.clip(x.astype(np.intp), 0, self.intervals - 1)
-        return self.at(k, x - k, derivative).T
+        rows: Array = self.at(k, x - k, derivative).T
+        return rows
 
     def at(self, k: IntArray, t: Array, derivative: int = 0) -> Array:
         """The same at places t of intervals k, as columns: (K,), (K,) -> (3, K)."""
         a = np.take(self.pieces, k, axis=2)
+        columns: Array
         if derivative == 0:
-            return ((a[3] * t + a[2]) * t + a[1]) * t + a[0]
-        if derivative == 1:
-            return ((3.0 * a[3] * t + 2.0 * a[2]) * t + a[1]) / self.step
-        return (6.0 * a[3] * t + 2.0 * a[2]) / self.step**2
+            columns = ((a[3] * t + a[2]) * t + a[1]) * t + a[0]
+        elif derivative == 1:
+            columns = ((3.0 * a[3] * t + 2.0 * a[2]) * t + a[1]) / self.step
+        else:
+            columns = (6.0 * a[3] * t + 2.0 * a[2]) / self.step**2
+        return columns
 
     def everywhere(self, places: Array, derivative: int = 0) -> Array:
         """The same at the same places t of all intervals, in order: (P,) -> (3, n P)."""
@@ -97,18 +101,20 @@ class TubeCurve:
             factor = (p, p * (p - 1))[derivative - 1] if derivative else 1
             powers[:, p] = factor * places ** max(p - derivative, 0)
         values = np.tensordot(powers, self.pieces, axes=1) / self.step**derivative
-        return values.transpose(1, 2, 0).reshape(3, -1)
+        columns: Array = values.transpose(1, 2, 0).reshape(3, -1)
+        return columns
 
     def curvature(self, places: Array) -> Array:
         """|f' x f''| / |f'|^3 (paper Eq. 16) at places t of all intervals, 1/m: (P,) -> (n P,)."""
         first, second = self.everywhere(places, 1), self.everywhere(places, 2)
         bend = np.cross(first, second, axis=0)
-        return np.sqrt(dot(bend, bend)) / np.maximum(np.sqrt(dot(first, first)), 1e-9) ** 3
+        kappa: Array = np.sqrt(dot(bend, bend)) / np.maximum(np.sqrt(dot(first, first)), 1e-9) ** 3
+        return kappa
 
 
 def dot(a: Array, b: Array) -> Array:
     """Scalar products of columns: (3, M), (3, M) -> (M,)."""
-    result = a[0] * b[0]
+    result: Array = a[0] * b[0]
     result += a[1] * b[1]
     result += a[2] * b[2]
     return result
@@ -171,7 +177,8 @@ def arc_at(length: Array, x: Array) -> Array:
     at = x * _CELLS
     k = np.minimum(at.astype(np.intp), len(length) - 2)
     before = length[k]
-    return before + (at - k) * (length[k + 1] - before)
+    arc: Array = before + (at - k) * (length[k + 1] - before)
+    return arc
 
 
 def _inverse(grid: Array, length: Array, speed: Array, at: Array) -> Array:
@@ -183,7 +190,8 @@ def _inverse(grid: Array, length: Array, speed: Array, at: Array) -> Array:
     u = 1.0 - t
     x = grid[k] + t * t * (3.0 - 2.0 * t) / _CELLS + t * u * (u * slope[0] - t * slope[1])
     # A cusp can make the cubic leave its cell.
-    return np.clip(x, grid[k], grid[k + 1])
+    inside: Array = np.clip(x, grid[k], grid[k + 1])
+    return inside
 
 
 def reparametrised(
@@ -244,7 +252,8 @@ def nearest(curve: TubeCurve, points: Array, spacing: float) -> Array:
     # Contiguous rows, since the query is slow on others.
     samples = np.ascontiguousarray(curve.everywhere(places).T)
     index = cKDTree(samples).query(np.ascontiguousarray(points.T))[1]
-    return (index + 0.5) / per_interval
+    foot: Array = (index + 0.5) / per_interval
+    return foot
 
 
 def nearest_by_cells(curve: TubeCurve, points: Array, spacing: float) -> Array:

@@ -110,7 +110,8 @@ class CurveTable:
         t = u - index
         low, high, first, last = self.s[index], self.s[index + 1], self._slopes[index], self._slopes[index + 1]
         s = low + t * (first + t * (3.0 * (high - low) - 2.0 * first - last + t * (first + last - 2.0 * (high - low))))
-        return np.clip(s, low, high)
+        inside: Array = np.clip(s, low, high)
+        return inside
 
 
 def dot(a: Array, b: Array) -> Array:

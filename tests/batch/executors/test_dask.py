@@ -21,10 +21,10 @@ if sys.platform == "win32":
     pytest.skip("signals", allow_module_level=True)
 
 from dlogen.batch.executors import dask as cluster
-from dlogen.batch.executors import remote
+from dlogen.batch.executors import dask_worker
 from dlogen.batch.executors.dask import BATCH_CLOUDS, DaskPool, prepare_dask, scheduler_of
-from dlogen.batch.executors.remote import Reply
-from dlogen.batch.job import Outcome, Plan, Task, work
+from dlogen.batch.executors.dask_worker import Reply
+from dlogen.batch.job import Outcome, Plan, Task, run_job
 from dlogen.errors import DlogenError
 from dlogen.evaluation.shapes import random_centre_line
 from dlogen.evaluation.synthetic import sample_tube
@@ -283,9 +283,9 @@ def inner() -> Iterator[str]:
 
 
 def test_other_version(inner: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    class Other(remote.Call):
+    class Other(dask_worker.Call):
         def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-            return remote.serve, ("0.0.1", b"of another version")
+            return dask_worker.serve, ("0.0.1", b"of another version")
 
     monkeypatch.setattr(cluster, "Call", Other)
     with pytest.raises(DlogenError, match=r"has dlogen .*, and this is 0\.0\.1") as caught:
@@ -294,7 +294,7 @@ def test_other_version(inner: str, tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 
 def test_workers_without_dlogen(inner: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    class Missing(remote.Call):
+    class Missing(dask_worker.Call):
         def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
             return importlib.import_module, ("dlogen.that_is_not_installed",)
 
@@ -311,7 +311,7 @@ def test_folders_that_workers_do_not_see(inner: str, tmp_path: Path, monkeypatch
     (tmp_path / "dlogen.sqlite").touch()
     (tmp_path / "x.ply").touch()
 
-    class Blind(remote.Call):
+    class Blind(dask_worker.Call):
         def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
             return Reply, ("tcp://there", (Outcome("x"),), 0.0, ("x",))
 
@@ -329,7 +329,7 @@ def test_limits_hold(inner: str, tmp_path: Path) -> None:
     assert slow.failure is not None
     assert slow.failure.code == "timeout"
     [good] = run_all(DaskPool(Plan(None), inner, 1), [task])
-    assert good.files == work(Plan(None), task).files
+    assert good.files == run_job(Plan(None), task).files
 
 
 def test_the_scheduler_forgets_what_is_done(inner: str) -> None:

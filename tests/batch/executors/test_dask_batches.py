@@ -8,7 +8,7 @@ pytest.importorskip("distributed")
 
 from dlogen.batch.executors import dask as cluster
 from dlogen.batch.executors.dask import BATCH_CLOUDS, _Batches
-from dlogen.batch.executors.remote import Reply
+from dlogen.batch.executors.dask_worker import Reply
 from dlogen.batch.job import Outcome, Task
 
 

@@ -12,8 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from dlogen.batch.executors import local as module
-from dlogen.batch.executors.local import LocalPool, NotStarted, Worker, died
+from dlogen.batch.executors import worker as module
+from dlogen.batch.executors.local import LocalPool
+from dlogen.batch.executors.worker import NotStarted
 from dlogen.batch.job import Outcome, Plan, Task
 from dlogen.io.atomic import temporary_prefix
 
@@ -154,20 +155,6 @@ def test_closing_ends_what_is_under_way(clouds: tuple[Path, ...], plan: Plan) ->
     outcomes.close()  # no process remains: the fixture looks
 
 
-def test_a_worker_that_dies_while_it_has_nothing_to_do_costs_nothing(clouds: tuple[Path, ...], plan: Plan) -> None:
-    worker = Worker(plan)
-    try:
-        assert worker.work(task(clouds[0], "a")).failure is None
-        assert worker._process is not None
-        worker._process.kill()
-        worker._process.wait()
-        assert worker.work(task(clouds[0], "b")).failure is None
-    finally:
-        worker.close()
-    with pytest.raises(NotStarted):
-        worker.work(task(clouds[0], "c"))
-
-
 def test_processes_that_do_not_start_say_why(
     clouds: tuple[Path, ...], plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -289,10 +276,3 @@ def test_workers_end_when_their_parent_is_killed(clouds: tuple[Path, ...], tmp_p
     while worker.exists() and worker.joinpath("stat").read_text().rpartition(")")[2].split()[0] != "Z":
         assert time.monotonic() < deadline
         time.sleep(0.01)
-
-
-def test_how_a_worker_ended_in_words() -> None:
-    assert "signal 9, SIGKILL" in died(-9).message
-    assert "signal 250" in died(-250).message
-    assert "exit code 1" in died(1).message
-    assert died(None).code == "worker-died"

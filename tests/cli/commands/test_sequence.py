@@ -1,4 +1,4 @@
-"""`dlogen sequence` on clouds: a hose that is swung round, seen from one side with noise, with five spoilt frames."""
+"""`dlogen sequence` on clouds: a hose that is swung round, seen from one side with noise, with five spoilt captures."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from dlogen.sequence.rigid_links import Shape, fit_links
 
 Array = np.ndarray
 
-FRAMES, RATE = 60, 30.0
+CAPTURES, RATE = 60, 30.0
 SPOILT = {9: "length", 17: "failed", 28: "motion", 38: "failed", 46: "doubtful"}
 NOISE, SIDE = 0.001, (0.3, 0.2, -1.0)
 
@@ -29,7 +29,7 @@ def truth() -> list[CentreLine]:
     """The hose of `moving`, turned by half a turn meanwhile: single fits change their direction."""
     angles, middle = hose(1)
     lines = []
-    for k in range(FRAMES):
+    for k in range(CAPTURES):
         t = k / RATE
         c, s = np.cos(1.6 * t), np.sin(1.6 * t)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -82,11 +82,11 @@ def arrays(done) -> dict[str, Array]:
     return dict(np.load(done[0] / "trajectory.npz"))
 
 
-def test_spoilt_frames_are_named(done, report) -> None:
-    frames = report["frames"]
-    assert [item["name"] for item in frames] == [f"hose_{k + 1}" for k in range(FRAMES)]
-    assert {k: item["reason"]["code"] for k, item in enumerate(frames) if item["reason"]} == SPOILT
-    assert [item["state"] for item in frames] == ["interpolated" if k in SPOILT else "good" for k in range(FRAMES)]
+def test_spoilt_captures_are_named(done, report) -> None:
+    captures = report["frames"]
+    assert [item["name"] for item in captures] == [f"hose_{k + 1}" for k in range(CAPTURES)]
+    assert {k: item["reason"]["code"] for k, item in enumerate(captures) if item["reason"]} == SPOILT
+    assert [item["state"] for item in captures] == ["interpolated" if k in SPOILT else "good" for k in range(CAPTURES)]
     assert report["states"] == {"good": 55, "interpolated": 5, "held": 0, "none": 0}
     for k in SPOILT:
         assert f"hose_{k + 1} is interpolated" in done[1].stderr
@@ -104,17 +104,17 @@ def test_the_model_is_the_object(report) -> None:
     assert report["model"]["base"] == "floating" and report["model"]["zero"] == "straight"
 
 
-def test_joints_are_where_the_object_is_and_no_frame_is_flipped(report, arrays, lines) -> None:
+def test_joints_are_where_the_object_is_and_no_capture_is_flipped(report, arrays, lines) -> None:
     assert 5 < sum(item["reversed"] for item in report["frames"]) < 55, "single fits come out both ways"
     joints = arrays["joint_positions"]
     true = np.array([item.points(1000) for item in lines])
     if np.linalg.norm(joints[0, 0] - true[0, 0]) > np.linalg.norm(joints[0, 0] - true[0, -1]):
         true = true[:, ::-1]
     links = np.full(joints.shape[1] - 1, LENGTH / (joints.shape[1] - 1))
-    ideal = fit_links(Shape(true, np.full(FRAMES, LENGTH), LENGTH, np.zeros(FRAMES)), links)
+    ideal = fit_links(Shape(true, np.full(CAPTURES, LENGTH), LENGTH, np.zeros(CAPTURES)), links)
     error = np.linalg.norm(joints - ideal, axis=2)
     good = arrays["state"] == "good"
-    # Single frames: 0.65 mm on average, 3 mm at worst, where the ends are.
+    # Single captures: 0.65 mm on average, 3 mm at worst, where the ends are.
     assert error[good].mean() < 0.0008 and error[good].max() < 0.003
     assert error[~good].max() < 0.003
 
@@ -122,8 +122,8 @@ def test_joints_are_where_the_object_is_and_no_frame_is_flipped(report, arrays, 
 def test_keyframes_replay_in_mujoco(done, arrays) -> None:
     model = mujoco.MjModel.from_xml_path(str(done[0] / "model.xml"))
     data = mujoco.MjData(model)
-    assert model.nkey == FRAMES + 2
-    for k in range(FRAMES):
+    assert model.nkey == CAPTURES + 2
+    for k in range(CAPTURES):
         mujoco.mj_resetDataKeyframe(model, data, k)
         mujoco.mj_kinematics(model, data)
         assert model.key(k).name == f"hose_{k + 1}" and data.time == pytest.approx(k / RATE)
@@ -131,6 +131,7 @@ def test_keyframes_replay_in_mujoco(done, arrays) -> None:
         assert joints == pytest.approx(arrays["joint_positions"][k], abs=1e-6)
 
 
+@pytest.mark.oracle
 def test_urdf_and_trajectory_in_pinocchio(done, arrays) -> None:
     pinocchio = pytest.importorskip("pinocchio")
     robot = pinocchio.buildModelFromUrdf(str(done[0] / "model.urdf"))
@@ -148,6 +149,7 @@ def test_urdf_and_trajectory_in_pinocchio(done, arrays) -> None:
         assert np.all(robot.lowerPositionLimit[7:] <= q[7:]) and np.all(q[7:] <= robot.upperPositionLimit[7:])
 
 
+@pytest.mark.oracle
 def test_urdf_and_trajectory_in_yourdfpy(done, arrays) -> None:
     yourdfpy = pytest.importorskip("yourdfpy")
     robot = yourdfpy.URDF.load(str(done[0] / "model.urdf"), load_meshes=False, build_scene_graph=True)
@@ -203,14 +205,14 @@ def test_other_options(done, recording) -> None:
 
 
 def test_what_is_wrong_is_said_before_the_work(tmp_path, recording) -> None:
-    frame = recording / "hose_1.ply"
+    capture = recording / "hose_1.ply"
     (tmp_path / "model.urdf").write_text("mine")
-    result = run(frame, "-o", tmp_path)
+    result = run(capture, "-o", tmp_path)
     assert result.exit_code == 2 and "output exists" in result.stderr
     assert not (tmp_path / "frames").exists()
 
     listed = tmp_path / "frames.csv"
-    listed.write_text(f"cloud,time\n{frame},1.0\n{recording / 'hose_2.ply'},1.0\n")
+    listed.write_text(f"cloud,time\n{capture},1.0\n{recording / 'hose_2.ply'},1.0\n")
     result = run(f"@{listed}", "-o", tmp_path / "out")
     assert result.exit_code == 2 and "same time" in result.stderr
     assert run(f"@{listed}", "-o", tmp_path / "out", "--rate", 5).exit_code == 2
@@ -220,7 +222,7 @@ def test_what_is_wrong_is_said_before_the_work(tmp_path, recording) -> None:
     assert not (tmp_path / "out").exists()
 
 
-def test_no_good_frame(tmp_path, recording) -> None:
+def test_no_good_capture(tmp_path, recording) -> None:
     result = run(recording / "hose_39.ply", "-o", tmp_path / "out", "-j", 1)
     assert result.exit_code == 1
     assert "no frame can be believed" in result.stderr and "empty" in result.stderr
@@ -246,7 +248,7 @@ def test_times_of_a_list_and_a_fixed_base_that_moves(tmp_path, recording) -> Non
     assert result.exit_code == 2 and "but hose_" in result.stderr and "is bent to" in result.stderr
 
 
-def test_a_cut_and_frames_in_a_row_take_one_line(tmp_path, recording) -> None:
+def test_a_cut_and_captures_in_a_row_take_one_line(tmp_path, recording) -> None:
     """The second part of the recording shows the object elsewhere."""
     moved = tmp_path / "recording"
     moved.mkdir()
@@ -267,7 +269,7 @@ def test_a_cut_and_frames_in_a_row_take_one_line(tmp_path, recording) -> None:
 
 
 def test_doubts_are_told_and_strict(tmp_path, recording) -> None:
-    """Two frames that are too far apart to tell which end is which."""
+    """Two captures that are too far apart to tell which end is which."""
     for name, turn in (("a_1", 0.0), ("a_2", 1.6)):
         c, s = np.cos(turn), np.sin(turn)
         points = read_cloud(recording / "hose_1.ply").points

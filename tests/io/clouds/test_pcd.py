@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from ply_bytes import ascii_rows
 
 from dlogen.errors import InputError
-from dlogen.io.cloud_files import read_raw, write_cloud
+from dlogen.io.cloud_files import write_cloud
 from dlogen.io.clouds.pcd import read
 from dlogen.io.parsing.lzf import compress
 from dlogen.types import RawCloud
 
+SUFFIX = ".pcd"
 POINTS = np.array([[0.5, -2.5, 3.0], [4.0, 5.25, -6.0], [1.0, 7.0, 8.5], [9.0, -10.0, 0.0]])
 XYZ = {"FIELDS": "x y z", "SIZE": "4 4 4", "TYPE": "F F F", "COUNT": "1 1 1"}
 
@@ -26,25 +28,11 @@ def header(data="ascii", end="\n", **changes):
     return "".join(f"{key} {value}{end}" for key, value in lines.items() if value is not None).encode()
 
 
-def ascii_rows(rows, end="\n"):
-    return "".join(" ".join(str(value) for value in row) + end for row in rows).encode()
-
-
 def packed(body, size=None, packed_size=None):
     """The body of a binary_compressed file."""
     stream = compress(body)
     size = len(body) if size is None else size
     return struct.pack("<II", len(stream) if packed_size is None else packed_size, size) + stream
-
-
-@pytest.fixture
-def read_bytes(tmp_path):
-    def read_them(data):
-        path = tmp_path / "cloud.pcd"
-        path.write_bytes(data)
-        return read_raw(path)
-
-    return read_them
 
 
 class TestVersions:

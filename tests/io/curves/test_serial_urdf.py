@@ -33,6 +33,7 @@ ARM = (
 )
 
 
+@pytest.mark.oracle
 def test_forward_kinematics_is_that_of_yourdfpy(result: Result, tmp_path: Path) -> None:
     yourdfpy = pytest.importorskip("yourdfpy")
     path = written(tmp_path, "arm.urdf", robot(*ARM))

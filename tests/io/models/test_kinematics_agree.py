@@ -127,6 +127,7 @@ def by_pinocchio(model, q: Array, links: list[str]) -> Array:
     return np.array([(placed[frame.parentJoint] * frame.placement).translation for frame in frames])
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("settings", CASES, ids=IDS)
 def test_urdf_in_pinocchio(case, settings, capfd) -> None:
     pinocchio = pytest.importorskip("pinocchio")
@@ -150,6 +151,7 @@ def test_urdf_in_pinocchio(case, settings, capfd) -> None:
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("settings", CASES, ids=IDS)
 def test_srdf_in_pinocchio(case, settings, capfd) -> None:
     pinocchio = pytest.importorskip("pinocchio")
@@ -188,6 +190,7 @@ def test_urdf_in_mujoco(case, settings, monkeypatch, tmp_path, capfd) -> None:
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("settings", [case for case in CASES if case[0] <= 10])
 def test_urdf_in_yourdfpy(case, settings, caplog) -> None:
     yourdfpy = pytest.importorskip("yourdfpy")
@@ -231,6 +234,7 @@ def test_mjcf_in_mujoco(case, settings, monkeypatch, tmp_path, capfd) -> None:
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("settings", CASES, ids=IDS)
 def test_sdf_in_drake(case, settings, caplog) -> None:
     plants = pytest.importorskip("pydrake.multibody.plant")
@@ -258,6 +262,7 @@ def test_sdf_in_drake(case, settings, caplog) -> None:
     assert caplog.records == []
 
 
+@pytest.mark.oracle
 @pytest.mark.parametrize("settings", CASES, ids=IDS)
 def test_urdf_in_drake(case, settings, caplog) -> None:
     plants = pytest.importorskip("pydrake.multibody.plant")

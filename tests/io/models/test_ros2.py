@@ -191,6 +191,7 @@ def test_the_urdf_is_the_one_of_the_urdf_format(package) -> None:
     assert "filename=" not in path.read_text(encoding="utf-8")
 
 
+@pytest.mark.oracle
 def test_the_scanned_pose(package) -> None:
     yourdfpy = pytest.importorskip("yourdfpy")
     result, root = package

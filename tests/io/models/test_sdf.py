@@ -127,6 +127,7 @@ def test_names_that_sdformat_keeps_for_itself(result, stem: str, name: str) -> N
     assert parsed(result, stem).get("name") == name
 
 
+@pytest.mark.oracle
 def test_contact_in_drake(result) -> None:
     """Collision bodies of neighbours neither overlap nor touch, in the pose that Drake loads."""
     plants = pytest.importorskip("pydrake.multibody.plant")

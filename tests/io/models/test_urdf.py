@@ -23,7 +23,6 @@ from dlogen.stages.segmentation.joints import place_joints
 from dlogen.types import Result
 
 mujoco = pytest.importorskip("mujoco")
-yourdfpy = pytest.importorskip("yourdfpy")
 
 
 def text(result: Result, stem: str = "cable") -> str:
@@ -42,6 +41,7 @@ class Yourdfpy:
     """Forward kinematics by yourdfpy; anything that it complains about is an error."""
 
     def __init__(self, urdf: str, tmp_path, caplog) -> None:
+        yourdfpy = pytest.importorskip("yourdfpy")
         path = tmp_path / "model.urdf"
         path.write_text(urdf, encoding="utf-8")
         with caplog.at_level(logging.WARNING), warnings.catch_warnings():
@@ -79,7 +79,7 @@ class Mujoco:
         return self.data.body(link).xmat.reshape(3, 3)
 
 
-@pytest.fixture(params=["yourdfpy", "mujoco"])
+@pytest.fixture(params=[pytest.param("yourdfpy", marks=pytest.mark.oracle), "mujoco"])
 def load(request, tmp_path, caplog, monkeypatch):
     if request.param == "yourdfpy":
         return lambda urdf: Yourdfpy(urdf, tmp_path, caplog)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from dlogen.batch.executors import remote
+from dlogen.batch.executors import dask_worker
 from dlogen.batch.job import Plan
 
 if sys.platform == "win32":
@@ -30,8 +30,8 @@ def wait_for(condition: Callable[[], Any]) -> Any:
 
 class TestProcesses:
     def test_kept_for_the_next_order_and_ended_for_others(self) -> None:
-        processes = remote._Processes()
-        settings = remote.Settings(Plan(None))
+        processes = dask_worker._Processes()
+        settings = dask_worker.ProcessSettings(Plan(None))
         with processes.lend(b"one", settings) as first, processes.lend(b"one", settings) as second:
             assert first is not second
         with processes.lend(b"one", settings) as again:
@@ -44,11 +44,11 @@ class TestProcesses:
         assert other.closed
 
     def test_ended_when_idle(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(remote, "IDLE_SECONDS", 0.01)
-        processes = remote._Processes()
-        with processes.lend(b"one", remote.Settings(Plan(None))) as worker:
+        monkeypatch.setattr(dask_worker, "IDLE_SECONDS", 0.01)
+        processes = dask_worker._Processes()
+        with processes.lend(b"one", dask_worker.ProcessSettings(Plan(None))) as worker:
             pass
         wait_for(lambda: worker.closed)
-        with processes.lend(b"one", remote.Settings(Plan(None))) as other:
+        with processes.lend(b"one", dask_worker.ProcessSettings(Plan(None))) as other:
             assert other is not worker
         processes.close()

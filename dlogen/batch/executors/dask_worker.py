@@ -18,7 +18,7 @@ from typing import Any
 
 from dlogen._version import __version__
 from dlogen.batch import store
-from dlogen.batch.executors.local import Worker
+from dlogen.batch.executors.worker import Worker
 from dlogen.batch.job import Outcome, Plan, Task
 from dlogen.errors import DlogenError
 
@@ -34,7 +34,7 @@ class Order:
     """What is to be done.
 
     Attributes:
-        settings: of the processes (`Settings`), pickled. The same bytes for all orders of a run.
+        settings: of the processes (`ProcessSettings`), pickled. The same bytes for all orders of a run.
         tasks: the clouds.
         seconds: when they are over, clouds that were not begun are left to another order.
     """
@@ -45,7 +45,7 @@ class Order:
 
 
 @dataclass(frozen=True)
-class Settings:
+class ProcessSettings:
     """As of `Worker`."""
 
     plan: Plan
@@ -101,7 +101,7 @@ def serve(version: str, pickled: bytes) -> Reply:
     # Nannies set it, so that Dask workers give memory back at once; fits would take 15 % longer.
     os.environ.pop("MALLOC_TRIM_THRESHOLD_", None)
     order: Order = pickle.loads(pickled)
-    settings: Settings = pickle.loads(order.settings)
+    settings: ProcessSettings = pickle.loads(order.settings)
     shared = settings.plan.folder
     # Results would go to a folder of this machine, where nobody looks.
     if shared is not None and not os.path.exists(os.path.join(shared, store.NAME)):  # noqa: PTH110, PTH118
@@ -117,7 +117,7 @@ def serve(version: str, pickled: bytes) -> Reply:
                     break
                 if task.content is None and not os.path.lexists(task.cloud):
                     unseen.append(task.key)
-                outcome = process.work(task)
+                outcome = process.run_job(task)
                 if process.closed:
                     # By us: that is nothing about the cloud, should somebody want to know after all.
                     break
@@ -138,7 +138,7 @@ class _Processes:
         self._idle: list[tuple[bytes, Worker, threading.Timer]] = []
 
     @contextmanager
-    def lend(self, key: bytes, settings: Settings) -> Iterator[Worker]:
+    def lend(self, key: bytes, settings: ProcessSettings) -> Iterator[Worker]:
         """One for the time of the block. Idle ones with other settings end."""
         with self._lock:
             same = [entry for entry in self._idle if entry[0] == key]

@@ -1,19 +1,8 @@
-<<<<<<< HEAD
-"""Models of motions."""
-=======
 """Fixtures: `result_for` and `fitted`."""
->>>>>>> main
 
 from __future__ import annotations
 
 from dataclasses import replace
-<<<<<<< HEAD
-
-import pytest
-
-from dlogen.config.schema import Config
-from dlogen.config.sections import JointSettings
-=======
 from pathlib import Path
 
 import pytest
@@ -26,17 +15,13 @@ from dlogen.evaluation.shapes import random_centre_line
 from dlogen.evaluation.synthetic import sample_tube
 from dlogen.io.cloud_files import write_cloud
 from dlogen.io.outputs import Outputs
->>>>>>> main
 from dlogen.sequence.trajectory import Motion
 from dlogen.types import Result
 
 
 @pytest.fixture(scope="module")
 def result_for(make_result, straight):
-<<<<<<< HEAD
-=======
     """The result of a recording, by its motion and settings of the joints."""
->>>>>>> main
     template = make_result(straight([0, 0, 0], [1, 0, 0]))
 
     def make(motion: Motion, **joints) -> Result:
@@ -44,8 +29,6 @@ def result_for(make_result, straight):
         return replace(template, chain=motion.chain, config=config, recorded=motion.poses(), name="hose")
 
     return make
-<<<<<<< HEAD
-=======
 
 
 @pytest.fixture(scope="session")
@@ -57,4 +40,3 @@ def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     outcome = run_job(Plan(str(folder), config, outputs=Outputs(("json",))), Task(str(folder / "b.ply"), "sub/b"))
     assert outcome.failure is None
     return folder
->>>>>>> main

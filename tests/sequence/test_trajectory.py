@@ -6,21 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-<<<<<<< HEAD
-from moving import LENGTH, recorded
-from recorded_motion import moved
-=======
 from moving import moved, recorded
->>>>>>> main
 
 from dlogen.config.sections import JointSettings
 from dlogen.multibody.build import multibody
-<<<<<<< HEAD
-from dlogen.sequence.export import trajectory_csv
-from dlogen.sequence.shared_model import common_model
-=======
 from dlogen.sequence.shared_model import shared_model
->>>>>>> main
 from dlogen.sequence.trajectory import motion_of
 
 CASES = [(dof, zero) for dof in (2, 3) for zero in ("straight", "scan")]
@@ -74,20 +64,4 @@ def test_without_time() -> None:
     assert np.isnan(motion.base_positions[7]).all() and np.isnan(motion.values[7]).all()
     poses = motion.poses()
     assert len(poses) == 28 and all(pose.time is None for pose in poses)
-<<<<<<< HEAD
-    assert np.isfinite(motion.values[motion.common.reference]).all()
-    names = [f"j{i}" for i in range(motion.values[0].size)]
-    rows = list(csv.DictReader(io.StringIO(trajectory_csv(motion, names).decode())))
-    assert rows[7]["time"] == rows[7]["x"] == "" and rows[7]["reason"] == "failed"
-
-
-def test_json_of_the_model_is_that_of_a_chain(result_for) -> None:
-    (text,) = model_format("json").write(result_for(moved()), "hose").values()
-    data = json.loads(text)
-    assert data["schema"] == "dlogen.chain/1"
-    assert data["length"] == pytest.approx(LENGTH, abs=0.003)
-    assert data["model"]["base"] == "floating"
-    assert data["model"]["base_transform"] == np.eye(4).tolist()
-=======
     assert np.isfinite(motion.values[motion.model.reference]).all()
->>>>>>> main

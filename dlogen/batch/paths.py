@@ -17,6 +17,11 @@ def shown(path: str) -> str:
     return path if path.isprintable() else repr(path)
 
 
+def as_unicode(path: str) -> str:
+    """A path as the records have it: names need not be Unicode, the records are."""
+    return path if path.isascii() else path.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
 def nearest(path: str) -> str:
     """A hint at the name that is most like the first part of the path that does not exist, or nothing."""
     import difflib

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import hashlib
 import json
 import os
 from collections.abc import Generator, Iterator, Sequence
@@ -17,9 +16,11 @@ from dlogen.batch.failures import MEMORY, OUTPUT, TIMEOUT, WORKER_DIED
 from dlogen.batch.item import Item
 from dlogen.batch.job import Failure, Outcome, Plan, Task, failure_of
 from dlogen.batch.output_files import paths_of, remove_temporaries, write_files
+from dlogen.batch.paths import as_unicode
 from dlogen.batch.store import Row, Store
 from dlogen.config.reader import read_text
 from dlogen.errors import ConfigError, DlogenError, OutputError
+from dlogen.io.cloud_files import sha256_of
 from dlogen.io.outputs import Outputs
 
 #: Failures that need not come again: they may be due to the machine and what else ran there.
@@ -84,7 +85,7 @@ class Batch:
         #: Key -> what settings and cloud were when files were made of which some are not wanted now.
         self._before: dict[str, tuple[str, str | None]] = {}
         # There may be a million records: one is looked at after the other.
-        place = {shown(item.key): k for k, item in enumerate(items)}
+        place = {as_unicode(item.key): k for k, item in enumerate(items)}
         keep = bytearray(len(items))
         unfinished: dict[str, str] = {}
         touched: list[Row] = []
@@ -130,7 +131,7 @@ class Batch:
                     row.formats = self._with_wanted(row.formats)
                 elif not self.options.force:
                     hint = "use --force to overwrite, or -o for another folder"
-                    failure = Failure("output", f"output exists: {shown(str(existing))}", hint)
+                    failure = Failure("output", f"output exists: {as_unicode(str(existing))}", hint)
                     refused.append(self._failed(row, failure))
                     continue
                 self.store.write(row)
@@ -153,7 +154,7 @@ class Batch:
                 text = read_text(item.config)
         task = Task(item.cloud, item.key, item.config, text, item.overrides)
         size, modified = _stat(item.cloud)
-        row = Row(shown(item.key), shown(item.cloud), "running", size=size, modified_ns=modified)
+        row = Row(as_unicode(item.key), as_unicode(item.cloud), "running", size=size, modified_ns=modified)
         row.digest, row.version = self.plan.digest(task), __version__
         row.formats = self._made.get(row.key, "")
         return task, row
@@ -204,8 +205,8 @@ class Batch:
         return row
 
     def _failed(self, row: Row, failure: Failure) -> Row:
-        row.status, row.code, row.error = "failed", failure.code, shown(failure.message)
-        row.hint, row.stage = failure.hint and shown(failure.hint), failure.stage
+        row.status, row.code, row.error = "failed", failure.code, as_unicode(failure.message)
+        row.hint, row.stage = failure.hint and as_unicode(failure.hint), failure.stage
         self.store.write(row)
         return row
 
@@ -218,7 +219,11 @@ class Batch:
         """
         remove_temporaries(self.folder, "", self.plan.outputs)
         # What is not Unicode has another name in the records.
-        odd = {item.key: shown(item.key) for item in items if shown(item.key) in unfinished} if unfinished else {}
+        odd = (
+            {item.key: as_unicode(item.key) for item in items if as_unicode(item.key) in unfinished}
+            if unfinished
+            else {}
+        )
         for key, formats in (unfinished | {key: unfinished[name] for key, name in odd.items()}).items():
             remove_temporaries(self.folder, key, Outputs.of(self._with_wanted(formats).split()))
 
@@ -249,11 +254,6 @@ class Batch:
         return row.status == "failed" or all(map(os.path.lexists, paths_of(self.folder, item.key, self.plan.outputs)))
 
 
-def shown(text: str) -> str:
-    """A file name as Unicode: names need not be, the records are."""
-    return text if text.isascii() else text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
-
-
 def _made_of(row: Row) -> tuple[str, str | None]:
     """Settings and version, and the cloud's bytes: when these are the same, so are files of all formats."""
     return (row.digest or "").partition(" ")[0], row.sha256
@@ -281,11 +281,8 @@ def _stat(path: str) -> tuple[int | None, int | None]:
 
 
 def _sha256(path: str) -> str | None:
-    digest = hashlib.sha256()
     try:
         with Path(path).open("rb") as stream:
-            while chunk := stream.read(1 << 20):
-                digest.update(chunk)
+            return sha256_of(stream)
     except OSError:
         return None
-    return digest.hexdigest()

@@ -54,6 +54,22 @@ def format_option(default: str) -> Callable[[_Function], _Function]:
     )
 
 
+def units_option(what: str, *choices: str) -> Callable[[_Function], _Function]:
+    """`--units`: the command gets `units`; metres, or the first of the choices before it, by default."""
+    return click.option(
+        "--units",
+        type=click.Choice([*choices, "m", "cm", "mm"]),
+        default=[*choices, "m"][0],
+        show_default=True,
+        help=what,
+    )
+
+
+encoding_option = click.option(
+    "--encoding", help="How the cloud is stored (see dlogen formats --json).  [default: binary]"
+)
+
+
 def worker_options(function: _Function) -> _Function:
     """Who does the work, and what a cloud may take: the command gets `workers`, a `Workers`."""
 

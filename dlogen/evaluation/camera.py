@@ -18,7 +18,9 @@ import numpy as np
 from dlogen.errors import UsageError
 from dlogen.evaluation.centre_line import CentreLine
 from dlogen.evaluation.shapes import hose_centre_line
+from dlogen.geometry.vectors import dots
 from dlogen.types import Array, BoolArray, IntArray, RawCloud
+from dlogen.types.texts import millimetres
 
 #: Spheres along the axis this many radii apart: their union is within 1e-3 radii of a straight tube.
 _SPHERE_SPACING = 0.08
@@ -126,7 +128,7 @@ def _refuse_bad_view(line: CentreLine, radius: float, camera: Camera, distance: 
     pixel = distance / camera.focal
     if 2.0 * radius < pixel:
         raise UsageError(
-            f"the object is thinner than a pixel, which is {1e3 * pixel:.3g} mm wide on the table",
+            f"the object is thinner than a pixel, which is {millimetres(pixel)} wide on the table",
             "give a larger diameter, or a smaller distance",
         )
     axis = line.points(2000)
@@ -178,7 +180,7 @@ def _tube_depth(line: CentreLine, radius: float, camera: Camera) -> tuple[Array,
         order = order[t[order] < depth[pixel[order]]]
         pixel, ray = pixel[order], rays[pixel[order]]
         depth[pixel] = t[order]
-        cosine[pixel] = -np.einsum("ij,ij->i", normal[order], ray) / np.linalg.norm(ray, axis=1)
+        cosine[pixel] = -dots(normal[order], ray) / np.linalg.norm(ray, axis=1)
 
     caps = [
         (s, line(s)[0], direction * line.tangents(s)[0]) for s, direction in ((0.0, -1.0), (1.0, 1.0))
@@ -204,12 +206,13 @@ def _tube_depth(line: CentreLine, radius: float, camera: Camera) -> tuple[Array,
         owner = np.repeat(np.arange(len(part)), len(offsets))
         place = place.reshape(-1, 2)
         inside = ((place >= 0) & (place < [camera.width, camera.height])).all(axis=1)
-        pixel, owner = place[inside] @ [1, camera.width], owner[inside]
+        pixel: IntArray = place[inside, 0] + camera.width * place[inside, 1]
+        owner = owner[inside]
         ray, centre = rays[pixel], part[owner]
         # |t d - c|^2 = r^2 with d_z = 1, so that t is the depth.
-        a = np.einsum("ij,ij->i", ray, ray)
-        b = np.einsum("ij,ij->i", ray, centre)
-        root = b * b - a * (np.einsum("ij,ij->i", centre, centre) - radius**2)
+        a = dots(ray, ray)
+        b = dots(ray, centre)
+        root = b * b - a * (dots(centre, centre) - radius**2)
         hit = root > 0.0
         t = (b[hit] - np.sqrt(root[hit])) / a[hit]
         pixel, owner, centre = pixel[hit], owner[hit] + start, centre[hit]

@@ -9,6 +9,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from dlogen.geometry.arc_length import cells, interpolated
+from dlogen.geometry.curvature import curvature_of
+from dlogen.geometry.polyline import segment_lengths
+from dlogen.geometry.vectors import dots, unit
 from dlogen.types import Array
 from dlogen.types.short_repr import ShortRepr
 
@@ -75,12 +79,9 @@ class CentreLine(ShortRepr):
     def _parameter(self, s: Array) -> Array:
         knots, arc, speed = self._table
         target = s * arc[-1]
-        i = np.clip(np.searchsorted(arc, target, side="right") - 1, 0, len(arc) - 2)
-        h = arc[i + 1] - arc[i]
-        u = (target - arc[i]) / h
-        # Cubic Hermite interpolation of t over the arc length is near enough for two Newton steps to reach rounding.
-        t = knots[i] + (knots[i + 1] - knots[i]) * u**2 * (3 - 2 * u)
-        t += h * u * (1 - u) * ((1 - u) / speed[i] - u / speed[i + 1])
+        # Near enough for two Newton steps to reach rounding.
+        i, width, u = cells(arc, target)
+        t = interpolated(knots, 1.0 / speed, i, width, u)
         for _ in range(2):
             t -= (arc[i] + self._arc(knots[i], t) - target) / self._speed(t)
         inside: Array = np.clip(t, 0.0, 1.0)
@@ -96,18 +97,14 @@ class CentreLine(ShortRepr):
 
     def tangents(self, s: npt.ArrayLike) -> Array:
         """Unit tangents: (K,) -> (K, 3)."""
-        first = _in_chunks(lambda t: self.curve(t, 1), self.parameter(s))
-        units: Array = first / np.linalg.norm(first, axis=1, keepdims=True)
-        return units
+        return unit(_in_chunks(lambda t: self.curve(t, 1), self.parameter(s)))
 
     def curvature(self, s: npt.ArrayLike) -> Array:
         """Curvature |f' x f''| / |f'|^3 (paper Eq. 16), 1/m: (K,) -> (K,)."""
         return _in_chunks(self._curvature, self.parameter(s))
 
     def _curvature(self, t: Array) -> Array:
-        first, second = self.curve(t, 1), self.curve(t, 2)
-        kappa: Array = np.linalg.norm(np.cross(first, second), axis=1) / np.linalg.norm(first, axis=1) ** 3
-        return kappa
+        return curvature_of(self.curve(t, 1), self.curve(t, 2))
 
     def max_curvature(self) -> float:
         """The largest curvature, 1/m: one over the smallest radius of curvature."""
@@ -130,8 +127,8 @@ class CentreLine(ShortRepr):
         for _ in range(6):
             offset, tangent = self(s) - points, self.tangents(s)
             # d/ds of the above is 1 + (f - p) . (curvature vector) > 0 this side of the centre of curvature.
-            slope = 1.0 + np.einsum("ij,ij->i", offset, self._curvature_vector(s))
-            step = np.einsum("ij,ij->i", offset, tangent) / np.maximum(slope, 0.2)
+            slope = 1.0 + dots(offset, self._curvature_vector(s))
+            step = dots(offset, tangent) / np.maximum(slope, 0.2)
             s = np.clip(s - step / self.length, start - 2 / count, start + 2 / count)
             s = np.clip(s, 0.0, 1.0)
         return s, np.linalg.norm(self(s) - points, axis=1)
@@ -139,8 +136,8 @@ class CentreLine(ShortRepr):
     def _curvature_vector(self, s: Array) -> Array:
         t = self.parameter(s)
         first, second = self.curve(t, 1), self.curve(t, 2)
-        squared = np.einsum("ij,ij->i", first, first)[:, None]
-        along = np.einsum("ij,ij->i", first, second)[:, None]
+        squared = dots(first, first)[:, None]
+        along = dots(first, second)[:, None]
         vectors: Array = (second - first * along / squared) / squared
         return vectors
 
@@ -178,7 +175,7 @@ def from_points(points: npt.ArrayLike, name: str = "points") -> CentreLine:
         raise ValueError(f"a centre line needs at least two points with three coordinates, not {points.shape}")
     if not np.isfinite(points).all():
         raise ValueError("a centre line needs finite coordinates")
-    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    chords = segment_lengths(points)
     if (chords <= 1e-9 * chords.sum()).any():
         raise ValueError(
             f"point {int(np.argmin(chords)) + 2} of the centre line is in the same place as the one before"

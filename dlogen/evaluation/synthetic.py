@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from dlogen.evaluation.centre_line import CentreLine
 from dlogen.evaluation.shapes import shape_by_name
+from dlogen.geometry.vectors import dots
 from dlogen.types import Array, BoolArray
 from dlogen.types.short_repr import ShortRepr
 
@@ -181,7 +182,7 @@ def _draw_normals(uniform: Array, tangents: Array, side: npt.ArrayLike | None) -
     else:
         towards = np.broadcast_to(-_unit_vector(side), tangents.shape)
         angle = np.pi * (uniform - 0.5)
-    across = towards - tangents * np.einsum("ij,ij->i", towards, tangents)[:, None]
+    across = towards - tangents * dots(towards, tangents)[:, None]
     norm = np.linalg.norm(across, axis=1, keepdims=True)
     if (norm < 1e-9).any():
         raise ValueError("the viewer looks exactly along the object: choose another side")

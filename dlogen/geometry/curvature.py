@@ -26,11 +26,22 @@ def curvature(line: Skeleton, s: npt.ArrayLike) -> Array:
     >>> bool(dlogen.curvature(result.skeleton, [0.0, 0.5, 1.0]).max() < 1 / 0.02)
     True
     """
-    first, second = line(s, 1), line(s, 2)
-    speed = np.linalg.norm(first, axis=-1)
-    bend = np.linalg.norm(np.cross(first, second), axis=-1)
-    result: Array = bend / np.maximum(speed, 1e-12 * max(line.length, 1e-300)) ** 3
-    return result
+    return curvature_of(line(s, 1), line(s, 2), 1e-12 * max(line.length, 1e-300))
+
+
+def curvature_of(first: Array, second: Array, least_speed: float = 0.0) -> Array:
+    """The same from the first and the second derivative of any curve with respect to any parameter.
+
+    Args:
+        first, second: (..., 3) each.
+        least_speed: taken for |f'| where that is less, as at a cusp, which has no curvature.
+
+    Returns:
+        (...,) curvatures, 1/m.
+    """
+    speed = np.maximum(np.linalg.norm(first, axis=-1), least_speed)
+    bend: Array = np.linalg.norm(np.cross(first, second), axis=-1) / speed**3
+    return bend
 
 
 def max_curvature(line: Skeleton, samples: int = 2001) -> tuple[float, float]:

@@ -11,6 +11,11 @@ import numpy as np
 from dlogen.types import Array
 
 
+def products(x: Array, y: Array, z: Array) -> tuple[Array, ...]:
+    """The six entries of the matrices v v^T of vectors v = (x, y, z)."""
+    return x * x, x * y, y * y, x * z, y * z, z * z
+
+
 def eigenvalues(entries: Array) -> Array:
     """Eigenvalues in ascending order: (6, ...) -> (3, ...) (trigonometric solution of the characteristic cubic)."""
     mean, size, angle = _cubic(entries)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from dlogen.geometry.vectors import dots
 from dlogen.types import Array
 
 
@@ -25,7 +26,7 @@ def minimal_rotation_frames(tangents: Array) -> Array:
     y = np.cross(up, tangents[0])
     y /= np.linalg.norm(y)
     # The rotation of x0 into x about their common normal (Rodrigues) takes y to y - (x . y) (x0 + x) / (1 + x0 . x).
-    cosine = np.einsum("ij,ij->i", x0, x)[:, None]
+    cosine = dots(x0, x)[:, None]
     turned = cosine > -1.0 + 1e-12
     halfway = np.where(turned, (x0 + x) / np.where(turned, 1.0 + cosine, 1.0), 0.0)
     # One after another, with plain numbers: for three of them an array takes ten times as long.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from dlogen.geometry.vectors import dots
 from dlogen.types import Array, IntArray
 
 #: Consecutive points, and consecutive segments, that are put into one bounding sphere.
@@ -15,9 +16,27 @@ _PAIRS = 1 << 17
 
 def arc_lengths(points: npt.ArrayLike) -> Array:
     """Arc length from the first vertex to every vertex: (K, 3) -> (K,), metres, starting with 0."""
-    points = _vertices(points)
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps)])
+    return np.concatenate([[0.0], np.cumsum(segment_lengths(_vertices(points)))])
+
+
+def segment_lengths(points: Array) -> Array:
+    """Length of every segment of a polyline, or of many: (..., K, 3) -> (..., K - 1), metres."""
+    lengths: Array = np.linalg.norm(np.diff(points, axis=-2), axis=-1)
+    return lengths
+
+
+def at_arc_lengths(points: Array, lengths: Array, at: Array) -> Array:
+    """Points of a polyline at given arc lengths, those beyond an end at the end.
+
+    Args:
+        points: (K, 3) vertices, metres.
+        lengths: (K,) their `arc_lengths`, metres.
+        at: (M,) metres.
+
+    Returns:
+        (M, 3) metres.
+    """
+    return np.stack([np.interp(at, lengths, coordinate) for coordinate in points.T], axis=1)
 
 
 def piecewise_linear(joints: npt.ArrayLike, u: npt.ArrayLike) -> Array:
@@ -37,8 +56,7 @@ def piecewise_linear(joints: npt.ArrayLike, u: npt.ArrayLike) -> Array:
     """
     joints = _vertices(joints)
     lengths = arc_lengths(joints)
-    at = np.atleast_1d(np.asarray(u, dtype=float)) * lengths[-1]
-    return np.stack([np.interp(at, lengths, coordinate) for coordinate in joints.T], axis=1)
+    return at_arc_lengths(joints, lengths, np.atleast_1d(np.asarray(u, dtype=float)) * lengths[-1])
 
 
 def resample(points: npt.ArrayLike, count: int) -> Array:
@@ -73,7 +91,7 @@ def distance_to_polyline(points: npt.ArrayLike, polyline: npt.ArrayLike) -> tupl
     points, polyline = np.asarray(points, dtype=float), _vertices(polyline)
     start = polyline[:-1] if len(polyline) > 1 else polyline
     along = np.diff(polyline, axis=0) if len(polyline) > 1 else np.zeros_like(polyline)
-    squared = np.einsum("ij,ij->i", along, along)
+    squared = dots(along, along)
     # A segment without length is its start, t = 0.
     inverse = np.divide(1.0, squared, out=np.zeros_like(squared), where=squared > np.finfo(float).tiny)
 

@@ -10,6 +10,7 @@ import numpy as np
 from dlogen.geometry.arc_length import even_parameters
 from dlogen.geometry.curvature import curvature
 from dlogen.geometry.parallel_transport import minimal_rotation_frames
+from dlogen.geometry.vectors import unit
 from dlogen.types import Array, IntArray, Skeleton
 
 #: Places along the line that its curvature is looked at.
@@ -60,8 +61,7 @@ def tube_mesh(line: Skeleton, radius: float, *, tolerance: float = 0.005, origin
     s = _rings(line, radius, tolerance)
     # Taken off before anything is added: far from the origin the vertices keep their digits.
     centres = line(s) - (0.0 if origin is None else origin)
-    tangents = line(s, 1)
-    frames = minimal_rotation_frames(tangents / np.linalg.norm(tangents, axis=1, keepdims=True))
+    frames = minimal_rotation_frames(unit(line(s, 1)))
     angle = np.arange(sides) * (2.0 * math.pi / sides)
     circle = radius * np.stack([np.zeros(sides), np.cos(angle), np.sin(angle)])
     rings = centres[:, None] + np.swapaxes(frames @ circle, 1, 2)

@@ -56,7 +56,7 @@ def read_raw(path: str | Path) -> RawCloud:
             head = stream.read(_HEAD)
             raw = _format_of(head, Path(name).suffix).read(file)
             stream.seek(0)
-            return replace(raw, sha256=_sha256(stream))
+            return replace(raw, sha256=sha256_of(stream))
     except InputError as error:
         error.path = name
         raise
@@ -231,7 +231,8 @@ def _as_file(path: str | Path) -> Iterator[Path]:
         yield copy
 
 
-def _sha256(stream: BinaryIO) -> str:
+def sha256_of(stream: BinaryIO) -> str:
+    """Hexadecimal SHA-256 of what there is to read; memory is bounded."""
     digest = hashlib.sha256()
     while chunk := stream.read(_CHUNK):
         digest.update(chunk)

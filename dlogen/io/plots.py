@@ -12,7 +12,7 @@ import numpy as np
 
 from dlogen.errors import UsageError
 from dlogen.geometry.curvature import curvature
-from dlogen.types import Result
+from dlogen.types import Array, Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,9 +57,7 @@ def _draw_views(axes: Axes, result: Result) -> None:
     left_out = np.concatenate([item.points for item in result.intermediates if item.name == "off_tube"] or [cloud[:0]])
     room = 0.5 * np.ptp(cloud, axis=0).max()
     left_out = left_out[((left_out > cloud.min(axis=0) - room) & (left_out < cloud.max(axis=0) + room)).all(axis=1)]
-    centre = result.skeleton_points.mean(axis=0)
-    main = np.linalg.svd(result.skeleton_points - centre, full_matrices=False)[2]
-    # A straight line has no second direction of its own; any will do.
+    centre, main = principal_axes(result.skeleton_points)
     seen = [
         (part - centre) @ main.T
         for part in (
@@ -70,10 +68,7 @@ def _draw_views(axes: Axes, result: Result) -> None:
         )
     ]
     drawn = np.concatenate(seen[:2])
-    unit, name = (1e3, "mm") if np.ptp(drawn[:, 0]) < 1.0 else (1.0, "m")
-    # The second view stands below the first, a tenth of the width apart.
-    gap = 0.1 * np.ptp(drawn[:, 0])
-    drop = drawn[:, 1].min() - gap - drawn[:, 2].max()
+    unit, drop = label_views(axes, drawn)
     for column, shift in ((1, 0.0), (2, drop)):
         first = column == 1
         points, others, line, joints = (np.stack([part[:, 0], part[:, column] + shift]) * unit for part in seen)
@@ -95,10 +90,7 @@ def _draw_views(axes: Axes, result: Result) -> None:
                 fontsize=9,
                 arrowprops={"arrowstyle": "->", "color": "black"},
             )
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel(f"along the longest extent [{name}]; above from the front, below from the side")
-    axes.set_ylabel(f"[{name}]")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, fontsize=9, markerscale=2, frameon=False)
+    legend(axes, ncols=4, markerscale=2)
 
 
 def _draw_curvature(axes: Axes, result: Result) -> None:
@@ -109,19 +101,57 @@ def _draw_curvature(axes: Axes, result: Result) -> None:
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("s")
     axes.set_ylabel("curvature of the skeleton line [1/m]")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=9, frameon=False)
+    legend(axes)
     axes.grid(alpha=0.3)
 
 
 def _draw_error(axes: Axes, result: Result) -> None:
     axes.plot(result.mdtw.s, 1e3 * result.mdtw.error, color=BLUE, linewidth=1.0, label="MDTW error")
-    axes.axhline(1e3 * result.e_max, color=RED, linestyle="--", linewidth=1.2, label="e_max")
+    draw_allowed(axes, result.e_max, result.mdtw.max)
     axes.set_xlim(0.0, 1.0)
-    axes.set_ylim(0.0, 1.25e3 * max(result.e_max, result.mdtw.max))
     axes.set_xlabel("s")
+    legend(axes, ncols=2)
+
+
+def principal_axes(points: Array) -> tuple[Array, Array]:
+    """Mean and principal directions of points, the one of largest extent first: (M, 3) -> (3,), (3, 3) by rows.
+
+    A straight line has no second direction of its own; any will come out.
+    """
+    centre = points.mean(axis=0)
+    return centre, np.linalg.svd(points - centre, full_matrices=False)[2]
+
+
+def label_views(axes: Axes, drawn: Array) -> tuple[float, float]:
+    """Set up axes for two views in one frame: from the front, and below it, a tenth of the width apart, from the side.
+
+    Args:
+        axes: to be labelled.
+        drawn: (..., 3) what will be seen, along `principal_axes`, metres.
+
+    Returns:
+        Units a metre, and what the second view is moved by, metres.
+    """
+    x, y, z = np.moveaxis(drawn, -1, 0)
+    width = np.ptp(x)
+    unit, name = (1e3, "mm") if width < 1.0 else (1.0, "m")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel(f"along the longest extent [{name}]; above from the front, below from the side")
+    axes.set_ylabel(f"[{name}]")
+    return unit, float(y.min() - 0.1 * width - z.max())
+
+
+def draw_allowed(axes: Axes, e_max: float, largest: float) -> None:
+    """The line of e_max in a plot of deviations, and room for the largest of them; metres."""
+    axes.axhline(1e3 * e_max, color=RED, linestyle="--", linewidth=1.2, label="e_max")
+    axes.set_ylim(0.0, 1.25e3 * max(e_max, largest))
     axes.set_ylabel("skeleton line to chain [mm]")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=9, frameon=False)
     axes.grid(alpha=0.3)
+
+
+def legend(axes: Axes, **more: Any) -> None:
+    """A legend above the axes, at their right end."""
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=9, frameon=False, **more)
 
 
 def canvas(width: float, height: float) -> Canvas:

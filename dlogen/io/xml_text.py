@@ -24,6 +24,11 @@ def numbers(values: Iterable[float]) -> str:
     return " ".join(number(value) for value in values)
 
 
+def inertia(axial: float, transverse: float) -> dict[str, float]:
+    """The entries of the inertia of a body round about x, by the names that URDF and SDFormat give them, kg m^2."""
+    return {"ixx": axial, "ixy": 0.0, "ixz": 0.0, "iyy": transverse, "iyz": 0.0, "izz": transverse}
+
+
 def element(tag: str, content: str = "", /, **attributes: str | float | Iterable[float]) -> str:
     """One element, on one line. Texts and numbers become attributes; a trailing underscore in a name is dropped.
 

@@ -12,6 +12,7 @@ from dlogen.config.fields import AUTO
 from dlogen.config.sections import JointSettings, Material
 from dlogen.errors import ConfigError
 from dlogen.geometry.rotations import bend_and_twist_angles, bend_angles, hinges
+from dlogen.geometry.vectors import dots
 from dlogen.multibody.materials import Properties, properties
 from dlogen.multibody.model import Body, Joint, MultibodyModel
 from dlogen.types import Array, Chain, Pose
@@ -88,7 +89,7 @@ def build_model(
     damping = np.array([props.bending_damping, props.bending_damping, props.torsional_damping][: joints.dof])
     bends = np.arctan2(
         np.linalg.norm(np.cross(tangents[:-1], tangents[1:]), axis=1),
-        np.einsum("ij,ij->i", tangents[:-1], tangents[1:]),
+        dots(tangents[:-1], tangents[1:]),
     )
     bend_limits = _bend_limits(joints.min_bend_radius, lengths, bends)
 

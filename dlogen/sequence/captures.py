@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dlogen.batch.runner import shown
+from dlogen.batch.paths import as_unicode
 from dlogen.batch.store import Row
 from dlogen.stages.quality.findings import DEVIATION_ABOVE_E_MAX
 from dlogen.types import Array, Finding, Quality
@@ -48,7 +48,7 @@ def read_capture(rows: Mapping[str, Row], key: str, folder: Path, *, keep_doubtf
         folder: of the fits.
         keep_doubtful: go by the capture although its verdict is doubtful.
     """
-    name = shown(key)
+    name = as_unicode(key)
     row = rows.get(name)
     if row is None or row.status != "done":
         return CaptureFit(name, None, problem=row.error if row and row.error else "it has not been fitted")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from dlogen.geometry.vectors import unit
 from dlogen.sequence.rigid_links import centre, from_directions
 from dlogen.types import Array, BoolArray
 
@@ -82,7 +83,7 @@ def smoothed(joints: Array, links: Array, times: Array, most: float) -> Array:
     powers = (t / spread)[..., None] ** np.arange(3)
     weights = np.linalg.pinv(powers)[:, 0]
     even = np.einsum("fk,fkcx->fcx", weights, path[around])
-    even[:, 1:] /= np.maximum(np.linalg.norm(even[:, 1:], axis=2, keepdims=True), 1e-9)
+    even[:, 1:] = unit(even[:, 1:], 1e-9)
     new = from_directions(even[:, 0], even[:, 1:], links)
     change = np.linalg.norm(new - joints[2:-2], axis=2).max(axis=1)
     usual = float(np.median(np.diff(times)))

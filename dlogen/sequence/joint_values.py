@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 
+from dlogen.geometry.rotations import smallest_rotations
+from dlogen.geometry.vectors import unit
 from dlogen.types import Array
 
 
@@ -33,26 +35,8 @@ def base_rotations(directions: Array, first: Array, reference: int) -> Array:
 def _with_axis(rotation: Array, x: Array) -> Array:
     """Rounding must not add up over long recordings."""
     y = rotation[:, 1] - (rotation[:, 1] @ x) * x
-    y /= np.linalg.norm(y)
+    y = unit(y)
     return np.stack([x, y, np.cross(x, y)], axis=1)
-
-
-def smallest_rotations(start: Array, end: Array) -> Array:
-    """Rotations about a common normal that take unit vectors to others: (K, 3), (K, 3) -> (K, 3, 3).
-
-    Rodrigues' formula, I + [v] + [v]^2 / (1 + c) with v = a x b and c = a . b. Of opposite vectors, half a turn about
-    any normal.
-    """
-    v, c = np.cross(start, end), np.einsum("kx,kx->k", start, end)
-    cross = np.zeros((len(start), 3, 3))
-    cross[:, [2, 0, 1], [1, 2, 0]] = v
-    cross[:, [1, 2, 0], [2, 0, 1]] = -v
-    out: Array = np.eye(3) + cross + cross @ cross / np.maximum(1.0 + c, 1e-12)[:, None, None]
-    for k in np.flatnonzero(c < -1.0 + 1e-9):
-        normal = np.cross(start[k], np.eye(3)[int(np.argmin(np.abs(start[k])))])
-        normal /= np.linalg.norm(normal)
-        out[k] = 2.0 * np.outer(normal, normal) - np.eye(3)
-    return out
 
 
 def hinge_values(directions: Array, base: Array, zero: Array, dof: int, reference: int) -> Array:

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from dlogen.geometry.vectors import dots
 from dlogen.types import Array, BoolArray, IntArray
 
 #: Captures in a row that can be left out between two that are kept.
@@ -178,7 +179,7 @@ def _bends(both: Array, times: Array, k: int, gap: int, count: int = 1) -> Array
 def _rms(offset: Array) -> Array:
     """(..., P, 3) -> (...) root mean square distance."""
     flat = offset.reshape(*offset.shape[:-2], offset.shape[-2] * offset.shape[-1])
-    result: Array = np.sqrt(np.einsum("...k,...k->...", flat, flat) / offset.shape[-2])
+    result: Array = np.sqrt(dots(flat, flat) / offset.shape[-2])
     return result
 
 
@@ -231,7 +232,7 @@ def _foretold(curves: Array, times: Array, kept: BoolArray, least: float) -> tup
 
 def _farthest(offset: Array) -> float:
     """(P, 3) -> largest distance: also where a curve is wrong in one place only."""
-    return float(np.sqrt(np.einsum("px,px->p", offset, offset).max()))
+    return float(np.sqrt(dots(offset, offset).max()))
 
 
 def _neighbours(others: IntArray, k: int) -> tuple[IntArray, bool]:

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dlogen.io.plots import BLUE, GREEN, ORANGE, RED, canvas, png
+from dlogen.geometry.vectors import dots
+from dlogen.io.plots import BLUE, GREEN, ORANGE, RED, canvas, draw_allowed, label_views, legend, png, principal_axes
 from dlogen.sequence.trajectory import Motion
+from dlogen.types.texts import counted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,10 +44,10 @@ def motion_picture(motion: Motion) -> bytes:
     _draw_bends(figure.add_subplot(grid[1, 1]), motion)
     model = motion.model
     count, links = len(motion.states), len(model.links)
-    what = ("frame" if motion.times is not None else "cloud") + ("s" if count > 1 else "")
+    what = counted(count, "frame" if motion.times is not None else "cloud")
     figure.suptitle(
-        f"{count} {what}, {motion.states.count('good')} good: {model.sizes.length.value:.3f} m, radius "
-        f"{1e3 * model.sizes.radius.value:.2f} mm, {links} segment{'s' if links > 1 else ''} of "
+        f"{what}, {motion.states.count('good')} good: {model.sizes.length.value:.3f} m, radius "
+        f"{1e3 * model.sizes.radius.value:.2f} mm, {counted(links, 'segment')} of "
         f"{1e3 * model.links[0]:.1f} mm",
         fontsize=13,
     )
@@ -71,12 +73,9 @@ def _draw_chains(axes: Axes, motion: Motion) -> None:
     clock, name = _clock(motion)
     posed = np.flatnonzero(motion.posed)
     joints = motion.model.joints[posed]
-    centre = joints.reshape(-1, 3).mean(axis=0)
-    main = np.linalg.svd(joints.reshape(-1, 3) - centre, full_matrices=False)[2]
+    centre, main = principal_axes(joints.reshape(-1, 3))
     seen = (joints - centre) @ main.T
-    unit, length = (1e3, "mm") if np.ptp(seen[..., 0]) < 1.0 else (1.0, "m")
-    # The second view stands below the first, a tenth of the width apart.
-    drop = seen[..., 1].min() - 0.1 * np.ptp(seen[..., 0]) - seen[..., 2].max()
+    unit, drop = label_views(axes, seen)
     colours = ScalarMappable(Normalize(clock[0], clock[-1]), colormaps["viridis"])
     good = motion.model.good[posed]
     shown = np.unique(np.linspace(0, len(posed) - 1, min(_DRAWN, len(posed))).round().astype(int))
@@ -89,10 +88,7 @@ def _draw_chains(axes: Axes, motion: Motion) -> None:
     if not good[shown].all():
         axes.plot([], [], color=RED, linestyle="--", label="set aside: from its neighbours")
     axes.plot([], [], "o", color="black", markersize=3.5, label="base")
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel(f"along the longest extent [{length}]; above from the front, below from the side")
-    axes.set_ylabel(f"[{length}]")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=9, frameon=False)
+    legend(axes, ncols=2)
     axes.figure.colorbar(colours, ax=axes, label=name, pad=0.01)
 
 
@@ -100,18 +96,15 @@ def _draw_errors(axes: Axes, motion: Motion) -> None:
     clock, name = _clock(motion)
     model = motion.model
     axes.plot(clock, 1e3 * model.deviation, ".-", color=BLUE, linewidth=1.0, markersize=4, label="deviation")
-    axes.axhline(1e3 * model.e_max, color=RED, linestyle="--", linewidth=1.2, label="e_max")
+    draw_allowed(axes, model.e_max, float(np.nanmax(model.deviation)))
     for code, (colour, mark) in _REASONS.items():
         at = [
             clock[k] for k, exclusion in enumerate(model.exclusions) if exclusion is not None and exclusion.code == code
         ]
         if at:
             axes.plot(at, np.zeros(len(at)), mark, color=colour, markersize=7, label=code, clip_on=False, zorder=3)
-    axes.set_ylim(0.0, 1.25e3 * max(model.e_max, float(np.nanmax(model.deviation))))
     axes.set_xlabel(name)
-    axes.set_ylabel("skeleton line to chain [mm]")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, fontsize=9, frameon=False)
-    axes.grid(alpha=0.3)
+    legend(axes, ncols=4)
 
 
 def _draw_bends(axes: Axes, motion: Motion) -> None:
@@ -120,7 +113,7 @@ def _draw_bends(axes: Axes, motion: Motion) -> None:
     clock, name = _clock(motion)
     model = motion.model
     edges = np.diff(model.joints, axis=1) / model.links[:, None]
-    bends = np.degrees(np.arccos(np.clip(np.einsum("fcx,fcx->fc", edges[:, 1:], edges[:, :-1]), -1.0, 1.0)))
+    bends = np.degrees(np.arccos(np.clip(dots(edges[:, 1:], edges[:, :-1]), -1.0, 1.0)))
     if bends.shape[1] == 0:
         axes.text(0.5, 0.5, "one segment: no joints", ha="center", va="center", transform=axes.transAxes)
         axes.set_axis_off()

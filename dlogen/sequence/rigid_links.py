@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_banded
 
+from dlogen.geometry.segments import distances
+from dlogen.geometry.vectors import dots, unit
 from dlogen.types import Array
 
 #: Gauss-Legendre nodes and weights on [0, 1] for what is integrated over a link.
@@ -141,7 +143,7 @@ def _step(joints: Array, links: Array, right: Array, tension: Array) -> tuple[Ar
     known[..., :3] = right
     known[:, :-1, :3] -= links[:, None] * (joints[:, :-1] / 3.0 + joints[:, 1:] / 6.0)
     known[:, 1:, :3] -= links[:, None] * (joints[:, :-1] / 6.0 + joints[:, 1:] / 3.0)
-    known[:, :-1, 3] = 0.5 * (links**2 - np.einsum("fcx,fcx->fc", edges, edges))
+    known[:, :-1, 3] = 0.5 * (links**2 - dots(edges, edges))
     solved = solve_banded((4, 4), bands.reshape(9, captures * size), known.ravel()).reshape(captures, count + 1, 4)
     return solved[..., :3], solved[:, :-1, 3]
 
@@ -149,8 +151,7 @@ def _step(joints: Array, links: Array, right: Array, tension: Array) -> tuple[Ar
 def _of_lengths(joints: Array, links: Array) -> Array:
     """The same directions with exact lengths, about the same centre of mass."""
     edges = np.diff(joints, axis=1)
-    directions = edges / np.maximum(np.linalg.norm(edges, axis=2, keepdims=True), 1e-300)
-    return from_directions(centre(joints, links), directions, links)
+    return from_directions(centre(joints, links), unit(edges), links)
 
 
 def centre(joints: Array, links: Array) -> Array:
@@ -177,25 +178,15 @@ def deviations(shape: Shape, joints: Array, links: Array) -> Array:
     ends = np.concatenate([[0.0], np.cumsum(links)])
     at = ends[:-1, None] + links[:, None] * np.linspace(0.0, 1.0, _SAMPLES)
     pieces = shape.points(at.ravel()).reshape(captures, count, _SAMPLES, 3)
-    of_curve = _to_segments(pieces, joints[:, :-1, None], joints[:, 1:, None]).max(axis=(1, 2))
+    of_curve = distances(pieces, joints[:, :-1, None], joints[:, 1:, None]).max(axis=(1, 2))
     # Joint i against piece i - 1 and piece i.
-    own = _to_segments(joints[:, :-1, None], pieces[:, :, :-1], pieces[:, :, 1:]).min(axis=2)
-    before = _to_segments(joints[:, 1:, None], pieces[:, :, :-1], pieces[:, :, 1:]).min(axis=2)
+    own = distances(joints[:, :-1, None], pieces[:, :, :-1], pieces[:, :, 1:]).min(axis=2)
+    before = distances(joints[:, 1:, None], pieces[:, :, :-1], pieces[:, :, 1:]).min(axis=2)
     of_joints = np.full((captures, count + 1), np.inf)
     of_joints[:, :-1] = own
     of_joints[:, 1:] = np.minimum(of_joints[:, 1:], before)
     result: Array = np.maximum(of_curve, of_joints.max(axis=1))
     return result
-
-
-def _to_segments(points: Array, start: Array, end: Array) -> Array:
-    """Distances of points to segments, arrays that broadcast to (..., 3)."""
-    axis = end - start
-    along = np.einsum("...x,...x->...", points - start, axis) / np.maximum(
-        np.einsum("...x,...x->...", axis, axis), 1e-300
-    )
-    distance: Array = np.linalg.norm(points - start - np.clip(along, 0.0, 1.0)[..., None] * axis, axis=-1)
-    return distance
 
 
 def fewest_links(shape: Shape, e_max: float, most: int) -> int | None:

@@ -12,6 +12,7 @@ from dlogen.config.defaults import R_PER_E_MAX
 from dlogen.config.fields import AUTO
 from dlogen.config.sections import Segmentation
 from dlogen.errors import FitError
+from dlogen.geometry.vectors import dots
 from dlogen.sequence.captures import CaptureFit
 from dlogen.sequence.interpolation import filled_in, smoothed
 from dlogen.sequence.orientation import directions, hidden_ends, misfits, unclear_directions
@@ -158,7 +159,7 @@ def shared_model(
     if times is not None:
         joints = filled_in(joints, links, times, _good(exclusions, captures))
     edges = np.diff(fitted, axis=1) / links[:, None]
-    bends = 1.0 - np.einsum("fcx,fcx->fc", edges[:, 1:], edges[:, :-1])
+    bends = 1.0 - dots(edges[:, 1:], edges[:, :-1])
     return SharedModel(
         captures=tuple(captures),
         exclusions=tuple(exclusions),

@@ -8,8 +8,8 @@ import numpy as np
 
 from dlogen.config.sections import JointSettings
 from dlogen.errors import ConfigError
-from dlogen.geometry.rotations import quaternion
-from dlogen.sequence.joint_values import base_rotations, hinge_values, smallest_rotations
+from dlogen.geometry.rotations import quaternion, smallest_rotations
+from dlogen.sequence.joint_values import base_rotations, hinge_values
 from dlogen.sequence.shared_model import SharedModel
 from dlogen.stages.chain import build_chain
 from dlogen.types import Array, BoolArray, Chain, Joints, Pose

@@ -8,6 +8,8 @@ from dlogen.geometry.arc_length import even_parameters
 from dlogen.geometry.mdtw import mdtw
 from dlogen.geometry.parallel_transport import minimal_rotation_frames
 from dlogen.geometry.polyline import resample
+from dlogen.geometry.poses import pose
+from dlogen.geometry.segments import places
 from dlogen.types import Array, Chain, Joints, Mdtw, Skeleton
 
 
@@ -28,10 +30,7 @@ def build_chain(joints: Joints, radius: float) -> Chain:
     start, end = joints.positions[:-1], joints.positions[1:]
     lengths = np.linalg.norm(end - start, axis=1)
     tangents = (end - start) / lengths[:, None]
-    transforms = np.zeros((len(lengths), 4, 4))
-    transforms[:, 3, 3] = 1.0
-    transforms[:, :3, 3] = start + 0.5 * (end - start)
-    transforms[:, :3, :3] = minimal_rotation_frames(tangents)
+    transforms = pose(minimal_rotation_frames(tangents), start + 0.5 * (end - start))
     return Chain(joints.positions, joints.s, transforms, lengths, radius)
 
 
@@ -82,10 +81,10 @@ def deviation(line: Skeleton, joints: Joints, samples: int = 33) -> tuple[float,
 
 def _to_segments(line: Skeleton, s: Array, start: Array, end: Array) -> Array:
     """Distances of f(s[i, :]) to segment i."""
-    points = line(s.ravel()).reshape(*s.shape, 3)
-    axis = end - start
-    along = np.einsum("ijk,ik->ij", points - start[:, None], axis) / np.einsum("ik,ik->i", axis, axis)[:, None]
-    foot = start[:, None] + np.clip(along, 0.0, 1.0)[..., None] * axis[:, None]
+    points, start = line(s.ravel()).reshape(*s.shape, 3), start[:, None]
+    axis = end[:, None] - start
+    # By way of the foot: `segments.distances` rounds in another order, and files have max_deviation to its last digit.
+    foot = start + places(points - start, axis)[..., None] * axis
     distance: Array = np.linalg.norm(points - foot, axis=2)
     return distance
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dlogen.geometry.eigen3 import eigenvalues, smallest_axes
+from dlogen.geometry.eigen3 import eigenvalues, products, smallest_axes
+from dlogen.geometry.vectors import dots, normals_to
 from dlogen.types import Array, BoolArray, IntArray
 
 NEIGHBOURS = 144
@@ -50,7 +51,7 @@ def cross_sections(tree: cKDTree, points: Array, found: Stretches, guess: float)
     inside = index < len(points)
     offset = points[np.where(inside, index, 0)] - centre[:, None, :]
     first, second = across(direction)
-    along, u, v = (np.einsum("pki,pi->pk", offset, axis) for axis in (direction, first, second))
+    along, u, v = (dots(offset, axis[:, None]) for axis in (direction, first, second))
     inside &= u * u + v * v < (2.0 * guess) ** 2
     count = (inside & (np.abs(along) < guess)).sum(axis=1)
     half = np.where(count < 2 * _FEWEST, 2.0 * guess, guess)
@@ -77,8 +78,7 @@ def cross_sections(tree: cKDTree, points: Array, found: Stretches, guess: float)
 
 def across(direction: Array) -> tuple[Array, Array]:
     """Two unit vectors across each unit vector: (P, 3) -> (P, 3), (P, 3)."""
-    first = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction), axis=1)])
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    first = normals_to(direction)
     return first, np.cross(direction, first)
 
 
@@ -177,10 +177,9 @@ def _grow(around: Array, step: int, complete: bool) -> Array:
     sizes = np.unique(np.minimum(np.round(_FEWEST * growth).astype(np.intp), total))
     origin = around[:, 0, :]
     x, y, z = np.ascontiguousarray(np.moveaxis(around - origin[:, None, :], 2, 0))
-    features = np.stack([x, y, z, x * x, x * y, y * y, x * z, y * z, z * z])
+    features = np.stack([x, y, z, *products(x, y, z)])
     sums = np.cumsum(np.add.reduceat(features, np.concatenate([[0], sizes[:-1]]), axis=2), axis=2) / sizes
-    x, y, z = sums[:3]
-    covariance = sums[3:] - np.stack([x * x, x * y, y * y, x * z, y * z, z * z])
+    covariance = sums[3:] - np.stack(products(*sums[:3]))
     _, middle, largest = eigenvalues(covariance)
     elongated = largest > _ELONGATION * middle
     # A few points are elongated by chance: it must last over the next sizes, too.

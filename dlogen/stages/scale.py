@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from dlogen.errors import FitError
 from dlogen.geometry.eigen3 import eigenvalues, smallest_axes
 from dlogen.geometry.sampling import middle, spatial_sample
+from dlogen.geometry.vectors import dots, unit
 from dlogen.stages.cross_sections import NEIGHBOURS, Circles, Stretches, cross_sections, stretches
 from dlogen.types import Array, IntArray
 
@@ -205,8 +206,8 @@ def _with_radius(
     inside = around < len(sample)
     near = normals[np.where(inside, around, 0)] * inside[:, :, None]
     direction = smallest_axes(_products(near))
-    across = normals[places] - direction * np.einsum("pi,pi->p", normals[places], direction)[:, None]
-    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    across = normals[places] - direction * dots(normals[places], direction)[:, None]
+    across = unit(across, 1e-12)
     # The normal has no sign: the axis is on the side where the surface is one radius from it, and nothing is nearer.
     centres = [sample[places] + side * radius * across for side in (1.0, -1.0)]
     votes = [_votes(sample, tree, centre, direction, radius) for centre in centres]
@@ -221,8 +222,8 @@ def _votes(sample: Array, tree: cKDTree, centre: Array, direction: Array, radius
     around = _within(tree, centre, 1.6 * radius)
     inside = around < len(sample)
     offset = sample[np.where(inside, around, 0)] - centre[:, None]
-    along = np.einsum("pki,pi->pk", offset, direction)
-    distance = np.sqrt(np.maximum(np.einsum("pki,pki->pk", offset, offset) - along**2, 0.0))
+    along = dots(offset, direction[:, None])
+    distance = np.sqrt(np.maximum(dots(offset, offset) - along**2, 0.0))
     inside &= np.abs(along) < radius
     votes: IntArray = (inside & (np.abs(distance - radius) < 0.3 * radius)).sum(axis=1) - (
         inside & (distance < 0.7 * radius)

@@ -14,7 +14,8 @@ import pytest
 from dlogen.batch.discover import find_items
 from dlogen.batch.item import Item
 from dlogen.batch.job import Failure, Outcome, Plan, Task, run_job
-from dlogen.batch.runner import Batch, BatchOptions, shown
+from dlogen.batch.paths import as_unicode
+from dlogen.batch.runner import Batch, BatchOptions
 from dlogen.batch.store import Row, Store
 from dlogen.config.reader import load_config
 from dlogen.errors import OutputError
@@ -65,7 +66,7 @@ def run(
         batch = Batch(found, out, sent, store, BatchOptions(**how))
         rows = {row.key: row for row in batch.run(Here(sent, failures))}
         assert len(rows) == len(batch.todo)
-        assert {row.key for row in batch.kept} | rows.keys() == {shown(item.key) for item in found}
+        assert {row.key for row in batch.kept} | rows.keys() == {as_unicode(item.key) for item in found}
         # What is on record is what was said.
         on_record = {row.key: row.to_dict() for row in store.rows()}
         assert all(row.to_dict() == on_record[key] for key, row in rows.items())
@@ -249,10 +250,11 @@ def test_after_a_kill_what_was_under_way_is_done_again_and_tidied_up(folder: Pat
     store = Store(out)
     with pytest.raises(Killed):
         list(Batch(items[:2] + items[-1:], out, plan, store).run(Dies(plan)))
-    assert {row.key: row.status for row in store.rows()} == {"a": "done", "b": "running", shown(f"{odd}/a"): "running"}
+    states = {row.key: row.status for row in store.rows()}
+    assert states == {"a": "done", "b": "running", as_unicode(f"{odd}/a"): "running"}
     store.close()
     (out / f"{temporary_prefix(5)}summary.csv").write_text("half")
-    assert status(run(folder, plan)) == {"b": "done", "c": "done", shown(f"{odd}/a"): "done"}
+    assert status(run(folder, plan)) == {"b": "done", "c": "done", as_unicode(f"{odd}/a"): "done"}
     assert not list(out.rglob(f"{temporary_prefix()}*"))
     assert names(out / odd) == ["a.json", "a.report.json"]
 
@@ -289,8 +291,8 @@ def test_bytes_that_travel_give_the_same_files(folder: Path, plan: Plan, tmp_pat
 
 
 def test_names_are_on_record_as_unicode() -> None:
-    assert shown(os.fsdecode(b"a\xff\xc3\xbc")) == "a\\xffü"
-    assert shown("new\nline") == "new\nline"
+    assert as_unicode(os.fsdecode(b"a\xff\xc3\xbc")) == "a\\xffü"
+    assert as_unicode("new\nline") == "new\nline"
 
 
 def test_configurations_that_cannot_be_read_fail_with_their_cloud(folder: Path, plan: Plan, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dlogen.evaluation.shapes import centre_line, random_centre_line
-from dlogen.geometry.arc_length import arc_length, arc_length_table, even_parameters
+from dlogen.geometry.arc_length import arc_length, arc_length_table, cells, even_parameters, interpolated
 
 
 def test_lengths_of_known_curves(circle, helix, straight) -> None:
@@ -76,3 +76,25 @@ def test_a_curve_without_length_and_one_with_a_cusp(exact_line, straight) -> Non
     t = 2 * s - 1
     along = np.sign(t) * ((4 + 9 * t**2) ** 1.5 - 8) / 27
     assert along == pytest.approx(np.linspace(along[0], along[-1], 501), abs=1e-7)
+
+
+def test_cells_of_a_table_by_hand() -> None:
+    length = np.array([0.0, 1.0, 1.0, 3.0])
+    k, width, t = cells(length, np.array([0.0, 0.5, 1.0, 2.5, 3.0]))
+    # The cell without width is passed over; the end belongs to the last cell.
+    assert k.tolist() == [0, 0, 2, 2, 2]
+    assert width.tolist() == [1.0, 1.0, 2.0, 2.0, 2.0]
+    assert t.tolist() == [0.0, 0.5, 0.0, 0.75, 1.0]
+
+
+@given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=20))
+def test_interpolation_inverts_what_is_a_cubic_and_keeps_to_its_cell(places: list[float]) -> None:
+    # s(l) = l^3 + l, a cubic, comes back to rounding from its values and slopes.
+    length = np.array([0.0, 0.3, 0.45, 1.0])
+    at = np.array(places)
+    found = interpolated(length**3 + length, 3 * length**2 + 1, *cells(length, at))
+    assert found == pytest.approx(at**3 + at, abs=1e-15)
+    # Slopes that no monotonous curve has.
+    wild = interpolated(length, np.full(4, 50.0), *cells(length, at))
+    k = cells(length, at)[0]
+    assert ((wild >= length[k]) & (wild <= length[k + 1])).all()

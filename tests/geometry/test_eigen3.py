@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dlogen.geometry.eigen3 import eigenvalues, smallest_axes
+from dlogen.geometry.eigen3 import eigenvalues, products, smallest_axes
 
 
 def _matrices(seed, spread=1.0):
@@ -48,3 +48,10 @@ def test_axes_of_a_thin_line():
     direction = np.array([1.0, 2.0, -0.5]) / np.linalg.norm([1.0, 2.0, -0.5])
     covariance = np.outer(direction, direction) + 1e-10 * np.eye(3)
     assert abs(smallest_axes(_entries(-covariance[None]))[0] @ direction) > 1.0 - 1e-12
+
+
+@given(st.integers(0, 10**6))
+def test_products_are_the_entries_of_outer_products(seed):
+    vectors = np.random.default_rng(seed).normal(size=(7, 3))
+    outer = vectors[:, :, None] * vectors[:, None, :]
+    np.testing.assert_array_equal(np.stack(products(*vectors.T)), _entries(outer))

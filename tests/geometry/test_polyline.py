@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,7 +9,15 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from dlogen.geometry import polyline as module
-from dlogen.geometry.polyline import arc_lengths, distance_to_polyline, hausdorff, piecewise_linear, resample
+from dlogen.geometry.polyline import (
+    arc_lengths,
+    at_arc_lengths,
+    distance_to_polyline,
+    hausdorff,
+    piecewise_linear,
+    resample,
+    segment_lengths,
+)
 
 CORNER = np.array([[0.0, 0, 0], [3, 0, 0], [3, 1, 0]])
 coordinates = st.floats(-10, 10, allow_nan=False, width=32)
@@ -22,6 +32,21 @@ def helix(count: int) -> np.ndarray:
 def test_arc_lengths() -> None:
     assert arc_lengths(CORNER) == pytest.approx([0, 3, 4])
     assert arc_lengths(CORNER[:1]) == pytest.approx([0])
+
+
+@given(polylines)
+def test_arc_lengths_are_sums_of_segment_lengths(points: np.ndarray) -> None:
+    lengths = segment_lengths(points)
+    expected = [float(np.sqrt(((b - a) ** 2).sum())) for a, b in pairwise(points)]
+    assert lengths == pytest.approx(expected, rel=1e-14)
+    assert np.diff(arc_lengths(points)) == pytest.approx(lengths, abs=1e-12)
+    # Of many polylines, each one's.
+    assert segment_lengths(np.stack([points, 2.0 * points])) == pytest.approx(np.stack([lengths, 2.0 * lengths]))
+
+
+def test_places_at_arc_lengths_by_hand() -> None:
+    found = at_arc_lengths(CORNER, arc_lengths(CORNER), np.array([-1.0, 0.0, 1.5, 3.0, 3.25, 4.0, 9.0]))
+    assert found.tolist() == [[0, 0, 0], [0, 0, 0], [1.5, 0, 0], [3, 0, 0], [3, 0.25, 0], [3, 1, 0], [3, 1, 0]]
 
 
 def test_piecewise_linear_follows_equations_12_to_14() -> None:

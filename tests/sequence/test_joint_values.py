@@ -4,37 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from moving import fitted_chains
 
 from dlogen.geometry.parallel_transport import minimal_rotation_frames
-from dlogen.geometry.rotations import hinges
-from dlogen.sequence.joint_values import base_rotations, hinge_values, smallest_rotations
+from dlogen.geometry.rotations import hinges, smallest_rotations
+from dlogen.sequence.joint_values import base_rotations, hinge_values
 
 Array = np.ndarray
 
 
 def unit(vectors: Array) -> Array:
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-
-
-class TestSmallestRotations:
-    @settings(max_examples=50, deadline=None)
-    @given(st.integers(0, 10_000))
-    def test_about_the_common_normal(self, seed: int) -> None:
-        a, b = unit(np.random.default_rng(seed).normal(size=(2, 5, 3)))
-        turns = smallest_rotations(a, b)
-        assert np.einsum("kij,kj->ki", turns, a) == pytest.approx(b, abs=1e-9)
-        assert turns @ np.swapaxes(turns, 1, 2) == pytest.approx(np.tile(np.eye(3), (5, 1, 1)), abs=1e-8)
-        # The trace of a rotation by an angle is 1 + 2 cos: no more than between the two.
-        assert np.trace(turns, axis1=1, axis2=2) == pytest.approx(1 + 2 * (a * b).sum(axis=1), abs=1e-8)
-
-    def test_opposite(self) -> None:
-        a = unit(np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 1.0]]))
-        turns = smallest_rotations(a, -a)
-        assert np.einsum("kij,kj->ki", turns, a) == pytest.approx(-a)
-        assert np.linalg.det(turns) == pytest.approx([1.0, 1.0])
 
 
 class TestBase:

@@ -9,6 +9,7 @@ import click
 
 from dlogen.cli.console import Console, print_json
 from dlogen.cli.main import Command
+from dlogen.cli.options import encoding_option, units_option
 from dlogen.cli.types import Auto, Count
 
 _EXAMPLES = """Examples:
@@ -42,14 +43,8 @@ _EXAMPLES = """Examples:
     help="Number of points to draw at random from the object.",
 )
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the drawing.")
-@click.option(
-    "--units",
-    type=click.Choice(["m", "cm", "mm"]),
-    default="m",
-    show_default=True,
-    help="Of the clouds' numbers, for --threshold; the output keeps them.",
-)
-@click.option("--encoding", help="How the cloud is stored (see dlogen formats --json).  [default: binary]")
+@units_option("Of the clouds' numbers, for --threshold; the output keeps them.")
+@encoding_option
 @click.option("--json", "as_json", is_flag=True, help="Print what was found as JSON to stdout.")
 @click.option("--force", is_flag=True, help="Overwrite an existing output.")
 def command(

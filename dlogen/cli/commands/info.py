@@ -8,6 +8,7 @@ import click
 
 from dlogen.cli.console import Console, print_json
 from dlogen.cli.main import Command
+from dlogen.cli.options import units_option
 from dlogen.config.defaults import R_PER_E_MAX
 
 _EXAMPLES = """Examples:
@@ -20,13 +21,7 @@ _EXAMPLES = """Examples:
 
 @click.command(cls=Command, epilog=_EXAMPLES)
 @click.argument("cloud", type=click.Path(allow_dash=True))
-@click.option(
-    "--units",
-    type=click.Choice(["auto", "m", "cm", "mm"]),
-    default="auto",
-    show_default=True,
-    help="What the cloud's numbers are; auto guesses.",
-)
+@units_option("What the cloud's numbers are; auto guesses.", "auto")
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON, lengths in metres.")
 def command(cloud: str, units: str, as_json: bool, console: Console) -> None:
     """Show what is in CLOUD (- for stdin) and which parameters fit it."""

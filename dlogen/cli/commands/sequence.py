@@ -251,17 +251,17 @@ def _write(made: Assembled, out: Path, console: Console, *, in_time: bool) -> No
 def _tell(motion: Motion, console: Console) -> None:
     """The outcome in a few lines for people."""
     from dlogen.sequence.reasons import MOTION
+    from dlogen.types.texts import counted
 
     model = motion.model
     good = model.good
     sizes, bend = model.sizes, model.bend
     names = [item.name for item in model.captures]
     worst = max((k for k in range(len(names)) if good[k]), key=lambda k: float(model.deviation[k]))
-    count = len(model.links)
-    segments = f"{count} segment{'s' if count > 1 else ''} of {1e3 * model.links[0]:.1f} mm"
-    what = ("frame" if motion.times is not None else "cloud") + ("s" if len(names) > 1 else "")
+    segments = f"{counted(len(model.links), 'segment')} of {1e3 * model.links[0]:.1f} mm"
+    what = counted(len(names), "frame" if motion.times is not None else "cloud")
     console.info(
-        f"{len(names)} {what}, {motion.states.count('good')} good: {sizes.length.value:.4f} m long, radius "
+        f"{what}, {motion.states.count('good')} good: {sizes.length.value:.4f} m long, radius "
         f"{1e3 * sizes.radius.value:.2f} mm; {segments}; deviation {1e3 * model.deviation[worst]:.2f} mm at most, in "
         f"{names[worst]} (allowed {1e3 * model.e_max:.2f}); bent to {bend.radius:.3g} m in {names[bend.capture]}"
     )

@@ -13,6 +13,7 @@ from click.core import ParameterSource
 
 from dlogen.cli.console import Console, print_json
 from dlogen.cli.main import Command
+from dlogen.cli.options import encoding_option, units_option
 from dlogen.cli.types import Number, Numbers
 
 if TYPE_CHECKING:
@@ -111,15 +112,9 @@ _EXAMPLES = """Examples:
     metavar="METRES",
     help="Smallest radius of curvature of random (0.1, or a 14th of the length) and hose (0.145).",
 )
-@click.option(
-    "--units",
-    type=click.Choice(["m", "cm", "mm"]),
-    default="m",
-    show_default=True,
-    help="Of the cloud's numbers; the truth is always in metres.",
-)
+@units_option("Of the cloud's numbers; the truth is always in metres.")
 @click.option("--offset", type=Numbers("X,Y,Z"), help="Move everything, metres: a cloud far from the origin.")
-@click.option("--encoding", help="How the cloud is stored (see dlogen formats --json).  [default: binary]")
+@encoding_option
 @click.option(
     "--camera",
     type=click.Choice(["kinect-v1"]),
@@ -168,6 +163,7 @@ def command(
     _refuse_contradictions(shape, centre_line, output, camera, as_json)
 
     from dlogen.io.atomic import refuse_existing, write_all
+    from dlogen.types.texts import millimetres
 
     to_stdout = output == "-"
     cloud_path = Path("cloud.ply" if to_stdout else output)
@@ -216,8 +212,8 @@ def command(
         bend = 1.0 / max(line.max_curvature(), 1e-12)
     if bend < diameter / 2:
         console.warning(
-            f"no such tube exists: the axis bends to a radius of {1e3 * bend:.3g} mm, the tube's own radius is "
-            f"{500 * diameter:.3g} mm"
+            f"no such tube exists: the axis bends to a radius of {millimetres(bend)}, the tube's own radius is "
+            f"{millimetres(diameter / 2)}"
         )
     if to_stdout:
         sys.stdout.buffer.write(contents[cloud_path])

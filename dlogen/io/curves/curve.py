@@ -20,6 +20,7 @@ from dlogen.io.registry import cloud_formats
 from dlogen.io.report import CHAIN_SCHEMA
 from dlogen.types import Array
 from dlogen.types.short_repr import ShortRepr
+from dlogen.types.texts import counted
 
 #: Numbers beyond this are no metres on Earth, and their squares would not fit into a float.
 _FARTHEST = 1e9
@@ -145,7 +146,7 @@ def _checked(points: Array) -> Array:
         )
     if len(points) < 2 or (points == points[0]).all():
         raise InputError(
-            f"{len(points)} point{'s' if len(points) != 1 else ''} in one place make no curve",
+            f"{counted(len(points), 'point')} in one place make no curve",
             "a curve has at least two points in different places",
         )
     if np.abs(points).max() > _FARTHEST:

@@ -10,6 +10,9 @@ from xml.parsers import expat
 import numpy as np
 
 from dlogen.errors import InputError
+from dlogen.geometry.polyline import segment_lengths
+from dlogen.geometry.poses import pose
+from dlogen.geometry.rotations import from_roll_pitch_yaw
 from dlogen.types import Array
 
 #: Link frames nearer to one another than this are one joint: stacked revolutes, and what rounding leaves of them.
@@ -49,14 +52,14 @@ def link_origins(data: bytes) -> Array:
         for link in robot.findall("link")
     }
     path = _serial_path([_joint(joint) for joint in robot.findall("joint")], list(body))
-    pose, origins, names = np.eye(4), [np.zeros(3)], [path[0].parent if path else ""]
+    frame, origins, names = np.eye(4), [np.zeros(3)], [path[0].parent if path else ""]
     for joint in path:
-        pose = pose @ joint.origin
-        origins.append(pose[:3, 3])
+        frame = frame @ joint.origin
+        origins.append(frame[:3, 3])
         names.append(joint.child)
     first = next((i for i, name in enumerate(names) if body.get(name)), 0)
     points = np.array(origins[first:])
-    apart = np.linalg.norm(np.diff(points, axis=0), axis=1) > _SAME_PLACE
+    apart = segment_lengths(points) > _SAME_PLACE
     vertices: Array = points[np.concatenate([[True], apart])]
     return vertices
 
@@ -88,7 +91,7 @@ def _joint(joint: ElementTree.Element) -> _Joint:
     place = joint.find("origin")
     if place is not None:
         xyz, rpy = (_three(place.get(key, "0 0 0"), name, key) for key in ("xyz", "rpy"))
-        origin[:3, :3], origin[:3, 3] = _rotation(*rpy), xyz
+        origin = pose(from_roll_pitch_yaw(*rpy), xyz)
     return _Joint(ends[0], ends[1], joint.get("type") != "fixed", origin)
 
 
@@ -100,18 +103,6 @@ def _three(text: str, joint: str | None, key: str) -> list[float]:
     if len(values) != 3 or not all(map(math.isfinite, values)):
         raise InputError(f"the origin of the joint {joint!r} has {key}={text!r}", "it takes three numbers")
     return values
-
-
-def _rotation(roll: float, pitch: float, yaw: float) -> Array:
-    """URDF's angles about the fixed axes x, y, z: R = Rz(yaw) Ry(pitch) Rx(roll), (3, 3)."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
 
 
 def _serial_path(joints: list[_Joint], links: list[str]) -> list[_Joint]:

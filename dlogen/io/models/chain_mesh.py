@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from dlogen.types import Result
 
 #: Linear RGBA.
-_SEGMENT, _JOINT = (0.12, 0.30, 0.45, 1.0), (0.80, 0.28, 0.05, 1.0)
+SEGMENT, _JOINT = (0.12, 0.30, 0.45, 1.0), (0.80, 0.28, 0.05, 1.0)
 
 #: Balls stand out a little from the cylinders that they join.
 _BALL = 1.15
@@ -34,11 +34,11 @@ def write(result: Result, stem: str) -> dict[str, bytes]:
     for i, (length, transform) in enumerate(zip(chain.lengths, chain.transforms, strict=True)):
         name = f"segment_{i + 1:0{digits}d}"
         cylinder = trimesh.creation.cylinder(radius=chain.radius, height=float(length), sections=32, transform=along_x)
-        cylinder.visual = _coloured(_SEGMENT)
+        cylinder.visual = coloured(SEGMENT)
         scene.add_geometry(cylinder, node_name=name, geom_name=name, transform=transform)
 
     ball = trimesh.creation.icosphere(subdivisions=2, radius=_BALL * chain.radius)
-    ball.visual = _coloured(_JOINT)
+    ball.visual = coloured(_JOINT)
     scene.geometry["joint"] = ball
     for i, position in enumerate(chain.joints):
         place = trimesh.transformations.translation_matrix(position)
@@ -46,7 +46,8 @@ def write(result: Result, stem: str) -> dict[str, bytes]:
     return {f"{stem}.chain.glb": scene.export(file_type="glb")}
 
 
-def _coloured(rgba: tuple[float, ...]) -> Any:
+def coloured(rgba: tuple[float, ...]) -> Any:
+    """The look of a surface, for `mesh.visual`: linear RGBA, dull."""
     import trimesh
 
     material = trimesh.visual.material.PBRMaterial(baseColorFactor=rgba, metallicFactor=0.0, roughnessFactor=0.6)

@@ -19,14 +19,13 @@ def write(result: Result, stem: str) -> dict[str, bytes]:
 
     from dlogen.geometry.arc_length import even_parameters
     from dlogen.geometry.curvature import curvature
+    from dlogen.geometry.vectors import unit
     from dlogen.io.dump import csv_bytes
 
     line, points = result.skeleton, result.skeleton_points
     s = even_parameters(line, len(points))
-    tangents = line(s, 1)
-    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
     along = np.linspace(0.0, line.length, len(s))
-    table = csv_bytes("s,arc_length,x,y,z,tx,ty,tz,curvature", s, along, points, tangents, curvature(line, s))
+    table = csv_bytes("s,arc_length,x,y,z,tx,ty,tz,curvature", s, along, points, unit(line(s, 1)), curvature(line, s))
     return {f"{stem}.skeleton.csv": table}
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from dlogen.io.registry import ModelFormat
-from dlogen.io.xml_text import HEADER, element, number, numbers, start
+from dlogen.io.xml_text import HEADER, element, inertia, number, numbers, start
 
 if TYPE_CHECKING:
     from dlogen.multibody.model import Body, Joint, MultibodyModel
@@ -64,21 +64,14 @@ def _pose(position: Array | tuple[float, float, float], rotation: Array, relativ
 
 def _link(body: Body, pose: str) -> Iterator[str]:
     begin, end, radius = body.collision
-    inertia = {
-        "ixx": body.axial_inertia,
-        "ixy": 0.0,
-        "ixz": 0.0,
-        "iyy": body.transverse_inertia,
-        "iyz": 0.0,
-        "izz": body.transverse_inertia,
-    }
+    entries = inertia(body.axial_inertia, body.transverse_inertia)
     yield start("link", name=body.name)
     yield f"  {pose}"
     yield "  " + element(
         "inertial",
         element("pose", numbers((0.5 * body.length, 0.0, 0.0, 0.0, 0.0, 0.0)))
         + element("mass", number(body.mass))
-        + element("inertia", "".join(element(name, number(value)) for name, value in inertia.items())),
+        + element("inertia", "".join(element(name, number(value)) for name, value in entries.items())),
     )
     yield "  " + _cylinder("visual", 0.0, body.length, body.radius)
     yield "  " + _cylinder("collision", begin, end, radius)

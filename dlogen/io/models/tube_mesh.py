@@ -12,9 +12,6 @@ from dlogen.io.registry import ModelFormat
 if TYPE_CHECKING:
     from dlogen.types import Result
 
-#: Linear RGBA of the surface in GLB files.
-_COLOUR = (0.12, 0.30, 0.45, 1.0)
-
 
 def write_glb(result: Result, stem: str) -> dict[str, bytes]:
     """One file, `stem.tube.glb`, with one node `tube`.
@@ -25,12 +22,12 @@ def write_glb(result: Result, stem: str) -> dict[str, bytes]:
     import trimesh
 
     from dlogen.geometry.tube_mesh import tube_mesh
+    from dlogen.io.models.chain_mesh import SEGMENT, coloured
 
     origin = result.chain.joints[0]
     tube = tube_mesh(result.skeleton, result.chain.radius, origin=origin)
     mesh = trimesh.Trimesh(tube.vertices, tube.faces, process=False)
-    material = trimesh.visual.material.PBRMaterial(baseColorFactor=_COLOUR, metallicFactor=0.0, roughnessFactor=0.6)
-    mesh.visual = trimesh.visual.TextureVisuals(material=material)
+    mesh.visual = coloured(SEGMENT)
     scene = trimesh.Scene()
     scene.add_geometry(
         mesh, node_name="tube", geom_name="tube", transform=trimesh.transformations.translation_matrix(origin)

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from dlogen.io.registry import ModelFormat
-from dlogen.io.xml_text import HEADER, element, number, start
+from dlogen.io.xml_text import HEADER, element, inertia, number, start
 
 if TYPE_CHECKING:
     from dlogen.multibody.model import Body, Joint, MultibodyModel
@@ -67,7 +67,7 @@ def _segment(body: Body) -> Iterator[str]:
         "inertial",
         element("origin", xyz=(0.5 * body.length, 0.0, 0.0), rpy=(0.0, 0.0, 0.0))
         + element("mass", value=body.mass)
-        + _inertia(body.axial_inertia, body.transverse_inertia),
+        + element("inertia", **inertia(body.axial_inertia, body.transverse_inertia)),
     )
     yield "  " + _cylinder("visual", 0.0, body.length, body.radius)
     yield "  " + _cylinder("collision", begin, end, radius)
@@ -80,18 +80,14 @@ def _cylinder(tag: str, begin: float, end: float, radius: float) -> str:
     return element(tag, origin + element("geometry", element("cylinder", radius=radius, length=end - begin)))
 
 
-def _inertia(axial: float, transverse: float) -> str:
-    return element("inertia", ixx=axial, ixy=0.0, ixz=0.0, iyy=transverse, iyz=0.0, izz=transverse)
-
-
 def _small_inertial(model: MultibodyModel) -> str:
     """Body of the links between stacked joints: a thousandth of the lightest segment, within bounds.
 
     Massless links blow solvers up, or are made 1 kg (PyBullet).
     """
     mass = min(max(1e-3 * min(body.mass for body in model.bodies), 1e-6), 1e-4)
-    inertia = min(max(1e-3 * min(body.axial_inertia for body in model.bodies), 1e-12), 1e-8)
-    return element("inertial", element("mass", value=mass) + _inertia(inertia, inertia))
+    least = min(max(1e-3 * min(body.axial_inertia for body in model.bodies), 1e-12), 1e-8)
+    return element("inertial", element("mass", value=mass) + element("inertia", **inertia(least, least)))
 
 
 def _small(name: str, inertial: str) -> list[str]:

@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 from dlogen.config.fields import AUTO
 from dlogen.config.sections import Normals
 from dlogen.errors import ConfigError
+from dlogen.geometry.vectors import dots
 from dlogen.types import Array, Cloud
 
 #: Points of a neighbourhood are gathered in blocks of about this many rows, so that memory stays flat.
@@ -102,7 +103,7 @@ def estimate_normals(
             index = tree.query(points[part], k)[1]
             local = points[index] - points[part, None, :]
             local -= local.mean(axis=1, keepdims=True)
-            normals[part] = _smallest_axis(np.einsum("mki,mkj->mij", local, local))
+            normals[part] = _plane_normals(local)
         return normals
     assert radius is not None
     return _normals_within(points, radius, tree)
@@ -134,8 +135,13 @@ def _normals_within(points: Array, radius: float, tree: cKDTree) -> Array:
     if lonely.any():
         index = tree.query(points[lonely], min(3, len(points)))[1]
         local = points[index] - points[index].mean(axis=1, keepdims=True)
-        normals[lonely] = _smallest_axis(np.einsum("mki,mkj->mij", local, local))
+        normals[lonely] = _plane_normals(local)
     return normals
+
+
+def _plane_normals(local: Array) -> Array:
+    """Of neighbourhoods about their means: (M, K, 3) -> (M, 3)."""
+    return _smallest_axis(np.einsum("mki,mkj->mij", local, local))
 
 
 def _smallest_axis(covariance: Array) -> Array:
@@ -171,7 +177,7 @@ def outwardness(points: Array, normals: Array, radius: float) -> Array:
     for i in range(3):
         centroid[:, i] += np.bincount(a, weighted[b, i], len(count)) + np.bincount(b, weighted[a, i], len(count))
     centroid /= total[:, None]
-    result: Array = np.einsum("mi,mi->m", normals, points - centroid[cell]) / radius
+    result: Array = dots(normals, points - centroid[cell]) / radius
     return result
 
 
@@ -213,7 +219,7 @@ def orient_normals(
     if method != "outward" and viewpoint is not None:
         sight = viewpoint - points
         distance = np.maximum(np.linalg.norm(sight, axis=1), 1e-300)
-        towards = np.einsum("mi,mi->m", normals, sight) / distance
+        towards = dots(normals, sight) / distance
         if method == "viewpoint" or np.mean((towards >= 0.0) == (score >= 0.0)) > _AGREEMENT:
             score += 0.5 * towards
     return np.where(score[:, None] >= 0.0, normals, -normals)

@@ -26,6 +26,7 @@ from dlogen.stages.quality.findings import (
 )
 from dlogen.stages.scale import Scale
 from dlogen.types import Array, BoolArray, Finding, Segmentation, Skeleton
+from dlogen.types.texts import millimetres
 
 #: Nobody scans cables of this many metres in one cloud.
 _LONGEST = 50.0
@@ -64,7 +65,7 @@ def check_line(
     kappa, s_kappa = max_curvature
     if kappa * radius > 1.0:
         text = (
-            f"the line bends with a radius of {1e3 / kappa:.3g} mm, tighter than the object's own {1e3 * radius:.3g} mm"
+            f"the line bends with a radius of {1e3 / kappa:.3g} mm, tighter than the object's own {millimetres(radius)}"
         )
         findings.append(BEND_TIGHTER_THAN_RADIUS.at(line, s_kappa, text))
     # Strays are far from the line; points near it but not on the surface say that there is no tube of this radius.
@@ -73,7 +74,7 @@ def check_line(
     if off > 0.1:
         findings.append(
             POINTS_OFF_THE_TUBE.found(
-                f"{100 * off:.0f} % of the points around the line are not on a tube of radius {1e3 * radius:.3g} mm: "
+                f"{100 * off:.0f} % of the points around the line are not on a tube of radius {millimetres(radius)}: "
                 "the cloud is something else, or the fit failed",
                 "bad" if off > 0.3 else "doubtful",
             )
@@ -82,7 +83,7 @@ def check_line(
     if abs(median - radius) > 0.2 * radius:
         findings.append(
             RADIUS_MISMATCH.found(
-                f"the points are {1e3 * median:.3g} mm from the line (median), but the radius is {1e3 * radius:.3g} mm"
+                f"the points are {millimetres(median)} from the line (median), but the radius is {millimetres(radius)}"
             )
         )
     if line.length > _LONGEST:
@@ -100,12 +101,12 @@ def check_radius(radius: float | None, free: Scale) -> list[Finding]:
         free: the scale of the cloud, estimated without it.
     """
     if radius is None:
-        message = f"the cross-sections do not agree on a radius; {1e3 * free.radius:.3g} mm is a guess: give r"
+        message = f"the cross-sections do not agree on a radius; {millimetres(free.radius)} is a guess: give r"
         return [] if free.radius_reliable else [RADIUS_UNKNOWN.found(message)]
     # The estimate is as uncertain as the noise is large.
     if not free.radius_reliable or abs(free.radius - radius) <= max(_CONTRADICTED * radius, free.noise):
         return []
-    message = f"r = {1e3 * radius:.3g} mm was given, but the cross-sections have a radius of {1e3 * free.radius:.3g} mm"
+    message = f"r = {millimetres(radius)} was given, but the cross-sections have a radius of {millimetres(free.radius)}"
     return [RADIUS_MISMATCH.found(message)]
 
 
@@ -134,7 +135,7 @@ def check_radius_along(line: Skeleton, radius: float, s: Array, distance: Array)
     if abs(medians[worst] - usual) <= _UNEVEN * usual:
         return []
     text = (
-        f"the radius is not the same everywhere: {1e3 * medians[worst]:.3g} mm here, {1e3 * radius:.3g} mm in the model"
+        f"the radius is not the same everywhere: {millimetres(medians[worst])} here, {millimetres(radius)} in the model"
     )
     return [RADIUS_VARIES.at(line, (worst + 0.5) / _STRETCHES, text)]
 

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from dlogen.geometry.polyline import arc_lengths
 from dlogen.stages.quality.findings import BRANCH, CROSSING, SIDE_BY_SIDE
 from dlogen.types import Array, Finding, IntArray
+from dlogen.types.texts import millimetres
 
 #: Axes that come nearer to each other than this, in radii, are in contact: those of tubes that touch are two apart.
 _TOUCH = 2.7
@@ -100,7 +101,7 @@ def check_contacts(line: Array, backbone: Array, radius: float) -> list[Finding]
             message = "strands run into one another: the object branches here, or is badly resolved"
             findings.append(BRANCH.found(message, s=at, position=place))
         elif contact.run > _SIDE_BY_SIDE * radius:
-            message = f"two strands run side by side for {1e3 * contact.run:.3g} mm: they may have been mixed up"
+            message = f"two strands run side by side for {millimetres(contact.run)}: they may have been mixed up"
             findings.append(SIDE_BY_SIDE.found(message, s=at, position=place))
         elif mixed or contact.distance < _OVERLAP * radius:
             findings.append(CROSSING.found(_MIXED_UP, "doubtful", s=at, position=place))

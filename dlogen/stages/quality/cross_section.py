@@ -6,6 +6,7 @@ import numpy as np
 
 from dlogen.geometry.parallel_transport import minimal_rotation_frames
 from dlogen.geometry.sampling import spatial_sample
+from dlogen.geometry.vectors import unit
 from dlogen.stages.quality.findings import SIDE_BY_SIDE
 from dlogen.types import Array, Finding, IntArray, Skeleton
 
@@ -37,8 +38,7 @@ def check_cross_section(points: Array, s: Array, residual: Array, line: Skeleton
         return []
     near = near[spatial_sample(points[near], _SHAPED)]
     points, s, residual = points[near], s[near], residual[near]
-    tangent = line((np.arange(_FRAMES) + 0.5) / _FRAMES, 1)
-    frames = minimal_rotation_frames(tangent / np.linalg.norm(tangent, axis=1, keepdims=True))
+    frames = minimal_rotation_frames(unit(line((np.arange(_FRAMES) + 0.5) / _FRAMES, 1)))
     across = frames[(s * _FRAMES).astype(np.intp), :, 1:]
     y, z = np.einsum("ij,ijk->ki", points - line(s), across)
     sector = ((np.arctan2(z, y) / (2.0 * np.pi) + 0.5) * _SECTORS).astype(np.intp) % _SECTORS

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dlogen.geometry.parallel_transport import minimal_rotation_frames
+from dlogen.geometry.vectors import unit
 from dlogen.stages.quality.findings import END_CUT_OFF
 from dlogen.types import Array, BoolArray, Finding, Skeleton
 
@@ -36,7 +37,7 @@ def cut_ends(points: Array, s: Array, on_tube: BoolArray, line: Skeleton, radius
     for end, name in ((0.0, "first"), (1.0, "last")):
         # Feet are clipped to the line; beyond its end the distance along its tangent counts.
         tip, tangent = line(end), line(end, 1)
-        tangent = tangent / np.linalg.norm(tangent) * (1.0 if end == 1.0 else -1.0)
+        tangent = unit(tangent) * (1.0 if end == 1.0 else -1.0)
         near = on_tube & (np.abs(s - end) * line.length < _REACH * radius)
         if np.count_nonzero(near) < _FEWEST * _SECTORS:
             continue

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dlogen.geometry.arc_length import even_parameters
+from dlogen.geometry.segments import feet
 from dlogen.types import Array, Residual, Skeleton
 
 
@@ -29,11 +30,8 @@ def foot_points(points: Array, line: Skeleton, samples: int = 1000) -> tuple[Arr
     best = np.full(len(points), np.inf)
     where = np.zeros(len(points))
     for first in (np.maximum(nearest - 1, 0), np.minimum(nearest, samples - 2)):
-        start, along = vertices[first], vertices[first + 1] - vertices[first]
-        offset = points - start
-        squared = np.maximum(np.einsum("ij,ij->i", along, along), 1e-300)
-        t = np.clip(np.einsum("ij,ij->i", offset, along) / squared, 0.0, 1.0)
-        distance = np.linalg.norm(offset - t[:, None] * along, axis=1)
+        t, offset = feet(points, vertices[first], vertices[first + 1] - vertices[first])
+        distance = np.linalg.norm(offset, axis=1)
         closer = distance < best
         best[closer] = distance[closer]
         where[closer] = (s[first] + t * (s[first + 1] - s[first]))[closer]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from dlogen.geometry.vectors import unit
 from dlogen.stages.quality.findings import CLOSED_RING, GAP, POINTS_NOT_REACHED
 from dlogen.types import Array, BoolArray, Finding, Skeleton
 
@@ -54,8 +55,7 @@ def _gaps(line: Skeleton, radius: float, s: Array) -> list[Finding]:
 def _closed(line: Skeleton, radius: float) -> list[Finding]:
     """A ring has no ends: they meet, and the line goes on from one into the other."""
     ends = line(np.array([0.0, 1.0]))
-    tangents = line(np.array([0.0, 1.0]), 1)
-    tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-300)
+    tangents = unit(line(np.array([0.0, 1.0]), 1))
     gap = float(np.linalg.norm(ends[1] - ends[0]))
     if gap < max(3.0 * radius, 0.02 * line.length) and tangents[0] @ tangents[1] > 0.5 and line.length > 10.0 * radius:
         return [CLOSED_RING.at(line, 0.0, "the ends meet: a closed ring has no first and last joint", "bad")]

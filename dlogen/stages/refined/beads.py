@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from dlogen.geometry.polyline import segment_lengths
 from dlogen.types import Array
 
 
@@ -31,7 +32,7 @@ def string_beads(points: Array) -> Array:
     while len(order) < count:
         order.append(next(i for i in neighbours[order[-1]] if i not in order[-2:-1]))
     string = points[order]
-    steps = np.linalg.norm(np.diff(string, axis=0), axis=1)
+    steps = segment_lengths(string)
     while len(string) > 4 and max(steps[0], steps[-1]) > 3.0 * np.median(steps):
         string, steps = (string[1:], steps[1:]) if steps[0] > steps[-1] else (string[:-1], steps[:-1])
     return string

@@ -11,7 +11,9 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
-from dlogen.geometry.polyline import arc_lengths, resample
+from dlogen.geometry.polyline import arc_lengths, at_arc_lengths, resample
+from dlogen.geometry.runs import runs
+from dlogen.geometry.vectors import dots, unit
 from dlogen.stages.refined.medial import Nodes, squared_distances
 from dlogen.stages.refined.piece import Piece, end_direction
 from dlogen.types import Array, BoolArray, IntArray
@@ -64,9 +66,9 @@ def _link(nodes: Nodes, radius: float) -> csr_matrix:
     offset = np.take(nodes.position, j, axis=0) - np.take(nodes.position, i, axis=0)
     limit = squared - (0.5 * radius + 0.4 * np.sqrt(squared)) ** 2
     one, other = np.take(nodes.direction, i, axis=0), np.take(nodes.direction, j, axis=0)
-    alike = np.abs(np.einsum("pi,pi->p", one, other)) > 0.75
+    alike = np.abs(dots(one, other)) > 0.75
     for direction in (one, other):
-        alike &= np.einsum("pi,pi->p", offset, direction) ** 2 > limit
+        alike &= dots(offset, direction) ** 2 > limit
     i, j, length = i[alike], j[alike], np.sqrt(squared[alike])
     # Zero would mean no link.
     length = np.maximum(length, 1e-9 * radius)
@@ -101,10 +103,9 @@ def _longest_paths(graph: csr_matrix) -> tuple[list[tuple[IntArray, float]], Int
 
 def _near(nodes: Nodes, members: IntArray, line: Array, radius: float) -> BoolArray:
     """Which of the members lie along a path, given by points half a radius apart."""
-    tangent = np.gradient(line, axis=0)
-    tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-300)
+    tangent = unit(np.gradient(line, axis=0))
     distance, nearest = cKDTree(line).query(nodes.position[members])
-    alike = np.abs(np.einsum("ni,ni->n", nodes.direction[members], tangent[nearest])) > 0.6
+    alike = np.abs(dots(nodes.direction[members], tangent[nearest])) > 0.6
     result: BoolArray = (distance < 0.8 * radius) | ((distance < 1.6 * radius) & alike)
     return result
 
@@ -145,15 +146,14 @@ def _piece(nodes: Nodes, members: IntArray, line: Array, radius: float) -> Piece
     counted = np.interp(even, along, np.concatenate([[0.0], np.cumsum(total) - 0.5 * total, [total.sum()]]))
     shares = np.diff(counted)
     weights = 0.5 * (np.append(shares, 0.0) + np.append(0.0, shares))
-    return Piece(np.stack([np.interp(even, along, column) for column in rough.T], axis=1), weights)
+    return Piece(at_arc_lengths(rough, along, even), weights)
 
 
 def _coordinates(points: Array, line: Array) -> Array:
     """Places of points along a polyline of even steps, counted in steps; less than 0 or more beyond its ends."""
     _, nearest = cKDTree(line).query(points)
     tangent = np.gradient(line, axis=0)
-    ahead = np.einsum("pi,pi->p", points - line[nearest], tangent[nearest])
-    ahead /= np.einsum("pi,pi->p", tangent[nearest], tangent[nearest])
+    ahead = dots(points - line[nearest], tangent[nearest]) / dots(tangent[nearest], tangent[nearest])
     low = np.where(nearest == 0, -np.inf, -0.5)
     high = np.where(nearest == len(line) - 1, np.inf, 0.5)
     result: Array = nearest + np.clip(ahead, low, high)
@@ -203,8 +203,7 @@ def cut_at_junctions(pieces: list[Piece], radius: float) -> list[Piece]:
         kept = np.ones(len(piece.points), dtype=bool)
         for index in at:
             kept[max(index - 1, 0) : index + 2] = False
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], kept, [False]]).astype(int)))
-        for first, last in zip(edges[::2], edges[1::2], strict=True):
+        for first, last in zip(*runs(kept), strict=True):
             if last - first >= 3:
                 result.append(Piece(piece.points[first:last], piece.weight[first:last]))
     return result

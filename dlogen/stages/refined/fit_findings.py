@@ -6,6 +6,7 @@ from dlogen.stages.quality.findings import GAP, NOISE
 from dlogen.stages.refined.ordering import Ordering
 from dlogen.stages.refined.refine import Refined
 from dlogen.types import Finding
+from dlogen.types.texts import millimetres
 
 #: A gap below this share of the length is bridged without doubt.
 _SMALL_GAP = 0.05
@@ -37,7 +38,7 @@ def _gaps(ordering: Ordering, fitted: Refined) -> list[Finding]:
         crossed = any(join.s[0] < end and start < join.s[1] for join in ordering.joins)
         if seen or crossed or length > 4.0 * radius:
             doubt = any(not item.is_note for item in seen) or end - start > _SMALL_GAP
-            message = f"no points over {1e3 * length:.3g} mm ({100 * (end - start):.1f} % of the length): bridged"
+            message = f"no points over {millimetres(length)} ({100 * (end - start):.1f} % of the length): bridged"
             findings.append(GAP.at(line, middle, message, "doubtful" if doubt else "note"))
     share = fitted.noise / radius
     if share > _NOTED:

@@ -8,11 +8,10 @@ import numpy as np
 from scipy.linalg.lapack import dpbtrf, dpbtrs
 
 from dlogen.errors import FitError
+from dlogen.geometry.spline import THIRD_DIFFERENCE
+from dlogen.geometry.vectors import unit
 from dlogen.stages.refined.normal_equations import NormalEquations, band, vector
-from dlogen.stages.refined.tube_curve import (
-    THIRD_DIFFERENCE,
-    TubeCurve,
-)
+from dlogen.stages.refined.tube_curve import TubeCurve
 from dlogen.types import Array
 
 #: Bounds of log10(lambda / its natural scale), where data and penalty weigh the same in the matrix.
@@ -32,8 +31,7 @@ def _penalty(curve: TubeCurve) -> Array:
     curve is penalised, which for a curve in arc length is the change of its curvature and torsion: circles and straight
     lines cost nothing.
     """
-    tangent = curve.everywhere(np.array([0.5]), 1).T
-    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    tangent = unit(curve.everywhere(np.array([0.5]), 1).T)
     across = np.eye(3) - tangent[:, :, None] * tangent[:, None, :]
     blocks = THIRD_DIFFERENCE[:, None, None, None] * THIRD_DIFFERENCE[:, None] * across[:, None, :, None, :]
     square: Array = blocks.reshape(-1, 12, 12)

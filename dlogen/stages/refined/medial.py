@@ -14,7 +14,8 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.spatial import cKDTree
 
-from dlogen.geometry.eigen3 import smallest_axes
+from dlogen.geometry.eigen3 import products, smallest_axes
+from dlogen.geometry.vectors import dots, unit
 from dlogen.types import Array, BoolArray, IntArray
 
 #: Reach of the neighbourhoods in radii, round by round: of nodes of projected points, which are near the axis from the
@@ -76,7 +77,7 @@ def axis_votes(points: Array, tree: cKDTree, radius: float, spacing: float) -> t
         return points, projected
     normals = smallest_axes(_covariances(moments[projected]))
     inward = _local_centroids(points, radius, 2.0 * radius)[projected] - points[projected]
-    normals *= np.where(np.einsum("mi,mi->m", normals, inward) > 0.0, -1.0, 1.0)[:, None]
+    normals *= np.where(dots(normals, inward) > 0.0, -1.0, 1.0)[:, None]
     votes = points.copy()
     votes[projected] -= radius * normals
     return votes, projected
@@ -126,7 +127,7 @@ def contract(votes: Array, projected: BoolArray, radius: float, per_radius: floa
         squared = squared_distances(position, half)
         direction = _directions(position, weight, half, squared, factor * stretch)
         shift = _local_means(position, weight, half, squared, (0.6 * factor + 0.1) * stretch) - position
-        position = position + shift - np.einsum("ni,ni->n", shift, direction)[:, None] * direction
+        position = position + shift - dots(shift, direction)[:, None] * direction
     last = np.where(blunt, _BLUNT[-1], _SHARP[-1]) * stretch
     direction = _directions(position, weight, half, squared_distances(position, half), last)
     return Nodes(position, direction, weight, density)
@@ -179,8 +180,7 @@ def _centring_steps(
     line = line.copy()
     of_point = points[column].T.copy()
     for _ in range(steps):
-        tangent = np.gradient(line, axis=0)
-        tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-300)
+        tangent = unit(np.gradient(line, axis=0))
         vertex, along_line = line.T.copy(), tangent.T.copy()
         offset = [of_point[c] - vertex[c][row] for c in range(3)]
         forward = [along_line[c][row] for c in range(3)]
@@ -248,7 +248,7 @@ def _moments(points: Array) -> Array:
     """Columns 1, x, y, z, xx, xy, yy, xz, yz, zz: (M, 3) -> (M, 10)."""
     x, y, z = points.T.copy()
     moments = np.empty((len(points), 10))
-    for column, values in enumerate((1.0, x, y, z, x * x, x * y, y * y, x * z, y * z, z * z)):
+    for column, values in enumerate((1.0, x, y, z, *products(x, y, z))):
         moments[:, column] = values
     return moments
 
@@ -257,9 +257,8 @@ def _covariances(sums: Array) -> Array:
     """Covariances xx, xy, yy, xz, yz, zz from sums of `_moments`: (M, 10) -> (6, M)."""
     scaled = sums.T.copy()
     scaled /= np.maximum(scaled[0], 1e-300)
-    _, x, y, z = scaled[:4]
     second: Array = scaled[4:]
-    for row, product in zip(second, (x * x, x * y, y * y, x * z, y * z, z * z), strict=True):
+    for row, product in zip(second, products(*scaled[1:4]), strict=True):
         row -= product
     return second
 

@@ -7,9 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from dlogen.stages.refined.tube_curve import (
-    spline_values,
-)
+from dlogen.geometry.spline import spline_values
 from dlogen.types import Array, IntArray
 
 

@@ -13,8 +13,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dlogen.errors import FitError
-from dlogen.geometry.polyline import arc_lengths, resample
+from dlogen.geometry.polyline import arc_lengths, resample, segment_lengths
+from dlogen.geometry.runs import runs
 from dlogen.geometry.sampling import middle, spatial_sample
+from dlogen.geometry.vectors import as_place
 from dlogen.stages.quality.findings import (
     BRANCH,
     CLOSED_RING,
@@ -33,6 +35,7 @@ from dlogen.stages.refined.medial import axis_votes, contract, recentre
 from dlogen.stages.refined.piece import Piece, end_direction, parabola
 from dlogen.stages.scale import Scale, estimate_scale
 from dlogen.types import Array, BoolArray, Finding
+from dlogen.types.texts import millimetres
 
 #: Size of the subset that the order is found on: at most, and for each radius of length.
 _SAMPLE = 6000
@@ -146,7 +149,7 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
     if not found:
         raise FitError(
             "no stretch of a line was found in the cloud",
-            f"the radius was taken to be {_millimetres(r)}: give r if it is not, and check units",
+            f"the radius was taken to be {millimetres(r)}: give r if it is not, and check units",
             stage="ordering",
         )
     if radius is not None or scale.radius_reliable:
@@ -180,14 +183,14 @@ def _beads(points: Array, radius: float | None) -> Ordering:
     line = string_beads(beads)
     if _runs_backwards(line):
         line = line[::-1]
-    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    steps = segment_lengths(line)
     typical = float(np.median(steps))
     s = arc_lengths(line) / steps.sum()
     message = f"only {len(beads)} points: they show an order, but no radius"
     findings = [TOO_FEW_POINTS.found(message)]
     joins = []
     for i in np.flatnonzero(steps > 4.0 * typical):
-        middle = _place(0.5 * (line[i] + line[i + 1]))
+        middle = as_place(0.5 * (line[i] + line[i + 1]))
         joins.append(Bridge((float(s[i]), float(s[i + 1])), middle, float(steps[i]), "gap", 1.0))
         findings.append(_gap_finding(float(steps[i]), float(steps[i] / steps.sum()), 0.5 * (s[i] + s[i + 1]), middle))
     parts = np.split(line, [i + 1 for i in np.flatnonzero(steps > 4.0 * typical)])
@@ -271,7 +274,7 @@ def _bridges(line: _Line, points: Array, tree: cKDTree, r: float) -> list[Bridge
             kind = "touch" if nearest < 2.4 * r else "crossing" if nearest < 3.5 * r else "gap"
         certainty = 1.0 if np.isinf(join.margin) else join.margin / (join.margin + join.cost)
         gap = _largest_hole(stretch, points, tree, r)
-        result.append(Bridge((s[a] / s[-1], s[b] / s[-1]), _place(middle), gap, kind, float(certainty)))
+        result.append(Bridge((s[a] / s[-1], s[b] / s[-1]), as_place(middle), gap, kind, float(certainty)))
     return result
 
 
@@ -281,22 +284,14 @@ def _largest_hole(stretch: Array, points: Array, tree: cKDTree, r: float) -> flo
     step = arc_lengths(dense)[-1] / (len(dense) - 1)
     # A slice across the line is empty if no point is nearer to its centre than the surface and a little more.
     lonely = np.isinf(tree.query(dense, distance_upper_bound=1.3 * r)[0])
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], lonely, [False]]).astype(int)))
-    longest = int((edges[1::2] - edges[::2]).max(initial=0))
+    first, last = runs(lonely)
+    longest = int((last - first).max(initial=0))
     # Points up to 0.8 r farther along fill a slice.
     return longest * step + 1.6 * r if longest else 0.0
 
 
 def _moved(item: Bridge, origin: Array) -> Bridge:
-    return replace(item, position=_place(np.array(item.position) + origin))
-
-
-def _place(point: Array) -> tuple[float, float, float]:
-    return float(point[0]), float(point[1]), float(point[2])
-
-
-def _millimetres(value: float) -> str:
-    return f"{1000 * value:.3g} mm"
+    return replace(item, position=as_place(np.array(item.position) + origin))
 
 
 def _about_cloud(
@@ -336,13 +331,13 @@ def _about_rest(others: list[_Line], line: _Line, r: float, origin: Array) -> li
             continue
         distance, index = cKDTree(line.points).query(other.points)
         nearest = int(np.argmin(distance))
-        what = f"{_millimetres(other.length)} long"
+        what = f"{millimetres(other.length)} long"
         if distance[nearest] < _BRANCH * r:
-            place = _place(line.points[index[nearest]] + origin)
+            place = as_place(line.points[index[nearest]] + origin)
             s = float(index[nearest] / (len(line.points) - 1))
             findings.append(BRANCH.found(f"a branch leaves the line, {what}", s=s, position=place))
         else:
-            place = _place(other.points[len(other.points) // 2] + origin)
+            place = as_place(other.points[len(other.points) // 2] + origin)
             findings.append(SEVERAL_OBJECTS.found(f"another object is in the cloud, {what}", position=place))
     return findings
 
@@ -354,13 +349,13 @@ def _about_ends(line: _Line, r: float, origin: Array) -> list[Finding]:
     if line.length < 12.0 * r or gap > max(4.0 * r, 0.1 * line.length):
         return []
     cost = bending_cost(*parabola(line.points, 1.5 * r, r), *parabola(line.points[::-1], 1.5 * r, r), r)
-    place = _place(0.5 * (first + last) + origin)
+    place = as_place(0.5 * (first + last) + origin)
     if gap < 4.0 * r and cost < 0.8:
         return [CLOSED_RING.found("the object is a closed ring: it has no ends", "bad", s=0.0, position=place)]
     # The ends of an object that is folded in two lie side by side and point the same way.
     folded = float(end_direction(line.points, r) @ end_direction(line.points[::-1], r)) > 0.5
     if (gap < 4.0 * r and not folded) or cost < 0.3:
-        message = f"the two ends face each other {_millimetres(gap)} apart: it may be a ring with a gap"
+        message = f"the two ends face each other {millimetres(gap)} apart: it may be a ring with a gap"
         return [CLOSED_RING.found(message, "doubtful", s=0.0, position=place)]
     return []
 
@@ -368,7 +363,7 @@ def _about_ends(line: _Line, r: float, origin: Array) -> list[Finding]:
 def _about_bridges(bridges: list[Bridge], line: _Line, r: float, origin: Array) -> list[Finding]:
     findings = []
     for number, (item, join) in enumerate(zip(bridges, line.joins, strict=True)):
-        s, place = 0.5 * (item.s[0] + item.s[1]), _place(np.array(item.position) + origin)
+        s, place = 0.5 * (item.s[0] + item.s[1]), as_place(np.array(item.position) + origin)
         share = item.gap / line.length
         if item.certainty < 0.5:
             message = "strands meet here, and which of them belong together is not certain"
@@ -381,7 +376,7 @@ def _about_bridges(bridges: list[Bridge], line: _Line, r: float, origin: Array) 
 
 
 def _gap_finding(gap: float, share: float, s: float, place: tuple[float, float, float], cost: float = 0.0) -> Finding:
-    message = f"no points for {_millimetres(gap)} ({share:.1%} of the length); the gap was bridged"
+    message = f"no points for {millimetres(gap)} ({share:.1%} of the length); the gap was bridged"
     if share > _LARGE_GAP:
         return GAP.found(f"{message}, but these may be two objects", "bad", s=s, position=place)
     return GAP.found(message, "note" if share < _SMALL_GAP and cost < 0.6 else "doubtful", s=s, position=place)

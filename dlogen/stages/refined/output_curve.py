@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from dlogen.geometry.curvature import curvature_of
+from dlogen.geometry.vectors import unit
 from dlogen.stages.refined.tube import Tube
 from dlogen.stages.refined.tube_curve import TubeCurve, arc_table, reparametrised
 
@@ -50,8 +52,7 @@ def sharpest_bend(curve: TubeCurve) -> tuple[float, float]:
     places = (np.arange(_CURVATURES) + 0.5) / _CURVATURES
     best = int(np.argmax(curve.curvature(places)))
     fine = np.clip((best + np.linspace(-0.5, 1.5, 41)) / _CURVATURES, 0.0, curve.intervals)
-    first, second = curve(fine, 1), curve(fine, 2)
-    bend = np.linalg.norm(np.cross(first, second), axis=1) / np.linalg.norm(first, axis=1) ** 3
+    bend = curvature_of(curve(fine, 1), curve(fine, 2))
     peak = int(np.argmax(bend))
     return float(bend[peak]), float(fine[peak]) / curve.intervals
 
@@ -65,7 +66,7 @@ def curvature_std(tube: Tube, x: float) -> float:
     t = x - k
     tangent, second = curve(np.array([x]), 1)[0], curve(np.array([x]), 2)[0]
     normal = second - tangent * (tangent @ second) / (tangent @ tangent)
-    normal /= max(float(np.linalg.norm(normal)), 1e-300)
+    normal = unit(normal)
     row = np.zeros((1, curve.coefficients.size))
     row[0, 3 * k : 3 * k + 12] = np.outer([1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t], normal).ravel() / curve.step**2
     return tube.sigma * float(np.sqrt(tube.solution.covariance(row)[0, 0]))

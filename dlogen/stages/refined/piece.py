@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlogen.geometry.polyline import arc_lengths
+from dlogen.geometry.polyline import arc_lengths, segment_lengths
+from dlogen.geometry.vectors import unit
 from dlogen.types import Array
 
 
@@ -25,7 +26,7 @@ class Piece:
     @property
     def length(self) -> float:
         """Metres."""
-        return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
+        return float(segment_lengths(self.points).sum())
 
     @property
     def end_densities(self) -> tuple[float, float]:
@@ -58,4 +59,4 @@ def parabola(points: Array, at: float, radius: float) -> tuple[Array, Array]:
     coefficients = np.linalg.lstsq(powers, fitted, rcond=None)[0]
     at = min(at, 0.5 * float(along[-1]))
     slope = coefficients[1] + (2.0 * at * coefficients[2] if degree == 2 else 0.0)
-    return at ** np.arange(degree + 1) @ coefficients, -slope / max(float(np.linalg.norm(slope)), 1e-300)
+    return at ** np.arange(degree + 1) @ coefficients, unit(-slope)

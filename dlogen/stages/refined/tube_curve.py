@@ -10,15 +10,11 @@ import numpy.typing as npt
 from scipy.linalg.lapack import dpbtrf, dpbtrs
 from scipy.spatial import cKDTree
 
+from dlogen.geometry.arc_length import cells
+from dlogen.geometry.polyline import arc_lengths, at_arc_lengths, segment_lengths
+from dlogen.geometry.spline import MONOMIALS, THIRD_DIFFERENCE, spline_values
+from dlogen.geometry.vectors import column_dots, unit
 from dlogen.types import Array, IntArray
-
-#: Monomial coefficients of the four B-splines of an interval: row p holds the coefficients of t^p.
-_MONOMIALS = (
-    np.array([[1.0, 4.0, 1.0, 0.0], [-3.0, 0.0, 3.0, 0.0], [3.0, -6.0, 3.0, 0.0], [-1.0, 3.0, -3.0, 1.0]]) / 6.0
-)
-
-#: Third differences of the coefficients are the third derivative with respect to x.
-THIRD_DIFFERENCE = np.array([-1.0, 3.0, -3.0, 1.0])
 
 #: Where a curve is sampled within every interval when another one is put through it.
 _SAMPLES = 6
@@ -60,7 +56,7 @@ class TubeCurve:
         """(4, 3, n) coefficients of 1, t, t^2, t^3 in each interval, t in [0, 1]."""
         c, n = self.coefficients.T, self.intervals
         windows = np.stack([c[:, q : q + n] for q in range(4)])
-        return np.tensordot(_MONOMIALS, windows, axes=1)
+        return np.tensordot(MONOMIALS, windows, axes=1)
 
     @cached_property
     def arc_table(self) -> tuple[Array, Array, Array]:
@@ -68,7 +64,7 @@ class TubeCurve:
         places = np.arange(2 * _CELLS) / (2 * _CELLS)
         first = self.everywhere(places, 1)
         last = self(np.array([self.intervals]), 1).T
-        speed = np.sqrt(np.append(dot(first, first), dot(last, last))) * self.step
+        speed = np.sqrt(np.append(column_dots(first, first), column_dots(last, last))) * self.step
         ends = speed[::2]
         cells = (ends[:-1] + 4.0 * speed[1::2] + ends[1:]) / (6.0 * _CELLS)
         grid = np.arange(len(ends)) / _CELLS
@@ -108,25 +104,8 @@ class TubeCurve:
         """|f' x f''| / |f'|^3 (paper Eq. 16) at places t of all intervals, 1/m: (P,) -> (n P,)."""
         first, second = self.everywhere(places, 1), self.everywhere(places, 2)
         bend = np.cross(first, second, axis=0)
-        kappa: Array = np.sqrt(dot(bend, bend)) / np.maximum(np.sqrt(dot(first, first)), 1e-9) ** 3
+        kappa: Array = np.sqrt(column_dots(bend, bend)) / np.maximum(np.sqrt(column_dots(first, first)), 1e-9) ** 3
         return kappa
-
-
-def dot(a: Array, b: Array) -> Array:
-    """Scalar products of columns: (3, M), (3, M) -> (M,)."""
-    result: Array = a[0] * b[0]
-    result += a[1] * b[1]
-    result += a[2] * b[2]
-    return result
-
-
-def spline_values(t: Array) -> Array:
-    """The four B-splines that are not zero at t in [0, 1] of an interval: (K,) -> (4, K)."""
-    u = 1.0 - t
-    t2, u2 = t * t, u * u
-    values = np.stack([u2 * u, (3.0 * t - 6.0) * t2 + 4.0, (3.0 * u - 6.0) * u2 + 4.0, t2 * t])
-    values /= 6.0
-    return values
 
 
 @lru_cache(maxsize=32)
@@ -182,10 +161,11 @@ def arc_at(length: Array, x: Array) -> Array:
 
 
 def _inverse(grid: Array, length: Array, speed: Array, at: Array) -> Array:
-    """x at given arc lengths, by cubic Hermite interpolation of the table."""
-    k = np.clip(np.searchsorted(length, at, side="right") - 1, 0, len(grid) - 2)
-    h = np.maximum(length[k + 1] - length[k], 1e-300)
-    t = (at - length[k]) / h
+    """x at given arc lengths, by cubic Hermite interpolation of the table.
+
+    As `arc_length.interpolated`, which rounds in another order: with that one all lines differ in their last digits.
+    """
+    k, h, t = cells(length, at)
     slope = h / np.maximum(speed, 1e-9 * float(speed.max()))[np.stack([k, k + 1])]
     u = 1.0 - t
     x = grid[k] + t * t * (3.0 - 2.0 * t) / _CELLS + t * u * (u * slope[0] - t * slope[1])
@@ -212,7 +192,7 @@ def reparametrised(
     samples = curve(_inverse(grid, length, speed, inside)).T
     if start < 0.0 or end > length[-1]:
         tangent = curve(np.array([0.0, curve.intervals]), 1)
-        tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+        tangent = unit(tangent)
         beyond = at - inside
         samples += np.where(beyond < 0.0, tangent[0][:, None], tangent[1][:, None]) * beyond
     return through(samples, intervals, (end - start) / intervals)
@@ -221,7 +201,7 @@ def reparametrised(
 def evened(curve: TubeCurve) -> TubeCurve:
     """The curve by arc length, if its speed has come to differ; else the curve itself."""
     first = curve.everywhere(np.array([0.5]), 1)
-    uneven = float(np.abs(dot(first, first) - 1.0).max())
+    uneven = float(np.abs(column_dots(first, first) - 1.0).max())
     return reparametrised(curve) if uneven > 2.0 * _UNEVEN else curve
 
 
@@ -234,13 +214,11 @@ def from_polyline(points: Array, spacing: float, extension: float, smoothing: fl
         extension: length added at either end, metres.
         smoothing: weight of the third differences.
     """
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    points = points[np.concatenate([[True], steps > 0.0])]
-    length = np.concatenate([[0.0], np.cumsum(steps[steps > 0.0])])
+    points = points[np.concatenate([[True], segment_lengths(points) > 0.0])]
+    length = arc_lengths(points)
     intervals = max(4, round(length[-1] / spacing))
     at = np.linspace(0.0, length[-1], intervals * _SAMPLES + 1)
-    samples = np.stack([np.interp(at, length, points[:, c]) for c in range(3)])
-    curve = through(samples, intervals, float(length[-1]) / intervals, smoothing)
+    curve = through(at_arc_lengths(points, length, at).T, intervals, float(length[-1]) / intervals, smoothing)
     total = float(arc_table(curve)[1][-1])
     return reparametrised(curve, max(4, round((total + 2.0 * extension) / spacing)), -extension, total + extension)
 
@@ -307,10 +285,10 @@ def foot_points(curve: TubeCurve, points: Array, x: Array, steps: int = 1) -> tu
         a1 += a2 * t
         a2 += a3t
         first, half = a1, a2
-        speed = dot(first, first)
+        speed = column_dots(first, first)
         # Inside a bend, far from the curve, the second derivative of the distance vanishes: keep the step finite.
-        slope = np.maximum(speed - 2.0 * dot(offset, half), 0.25 * speed)
-        move = np.clip(dot(offset, first) / np.maximum(slope, 1e-300), -1.0, 1.0)
+        slope = np.maximum(speed - 2.0 * column_dots(offset, half), 0.25 * speed)
+        move = np.clip(column_dots(offset, first) / np.maximum(slope, 1e-300), -1.0, 1.0)
         moved = np.clip(x + move, 0.0, last)
         if step == steps - 1:
             move = moved - x

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from dlogen.errors import FitError
+from dlogen.geometry.vectors import column_dots
 from dlogen.stages.refined.linearisation import LOG_LAMBDA, Linearisation
 from dlogen.stages.refined.normal_equations import NormalEquations, normal_equations
 from dlogen.stages.refined.tube import Tube, expected_distance, median, robust_scale, tukey
 from dlogen.stages.refined.tube_curve import (
     TubeCurve,
-    dot,
     evened,
     foot_points,
     nearest,
@@ -68,7 +68,7 @@ def gauss_newton(
         if step > 0:
             curve = evened(curve)
         x, k, t, offset = foot_points(curve, points, x, 2 if search and step == 0 else 1)
-        distance = np.sqrt(dot(offset, offset))
+        distance = np.sqrt(column_dots(offset, offset))
         expected = expected_distance(radius, sigma)
         near = (x > 0.0) & (x < curve.intervals) & (distance < expected + radius)
         if np.count_nonzero(near) < _FEWEST:
@@ -107,7 +107,7 @@ def _solid_normals(
     weight = np.where(near, tukey(distance, float(np.median(distance[near])) / 1.1774), 0.0)
     tangent = curve.at(k, t, 1)
     sideways = np.cross(tangent, direction, axis=0)
-    sideways /= np.maximum(np.sqrt(dot(sideways, sideways)), 1e-9)
+    sideways /= np.maximum(np.sqrt(column_dots(sideways, sideways)), 1e-9)
     along = normal_equations(k, t, direction, distance, weight, curve.intervals)
     return along + normal_equations(k, t, sideways, np.zeros_like(distance), weight, curve.intervals)
 
@@ -134,7 +134,7 @@ def all_points(points: Array, tube: Tube, *, free_radius: bool, steps: int, sear
         for first in range(0, len(x), _CHUNK):
             part = slice(first, first + _CHUNK)
             x[part], k, t, offset = foot_points(curve, points[:, part], x[part], 2 if search else 1)
-            distance[part] = away = np.sqrt(dot(offset, offset))
+            distance[part] = away = np.sqrt(column_dots(offset, offset))
             if step < steps:
                 near = (x[part] > 0.0) & (x[part] < curve.intervals)
                 weight = np.where(near, tukey(away - expected, max(tube.sigma, LEAST_FLOOR * radius)), 0.0)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlogen.geometry.arc_length import even_parameters
+from dlogen.geometry.vectors import column_dots
 from dlogen.types import Array, IntArray, Skeleton
 
 #: Cells of the first table, and most of any.
@@ -114,12 +115,6 @@ class CurveTable:
         return inside
 
 
-def dot(a: Array, b: Array) -> Array:
-    """Scalar products: (3, ...), (3, ...) -> (...,)."""
-    product: Array = np.einsum("i...,i...->...", a, b)
-    return product
-
-
 @dataclass(frozen=True, eq=False)
 class Traces:
     """Chains laid on a table, one for every segment length.
@@ -176,9 +171,9 @@ def _first_crossing(table: CurveTable, start: Array, guess: Array, centre: Array
     for attempt in range(4):
         point, tangent = table.with_tangent(u)
         offset = point - centre
-        distance = np.sqrt(dot(offset, offset))
+        distance = np.sqrt(column_dots(offset, offset))
         gap = radius - distance
-        slope = dot(offset, tangent) / np.maximum(distance, 1e-300)
+        slope = column_dots(offset, tangent) / np.maximum(distance, 1e-300)
         simple &= slope > 0.5
         off = np.abs(gap)
         if attempt == 0:
@@ -215,7 +210,7 @@ def _march(table: CurveTable, start: Array, centre: Array, radius: Array) -> tup
     for _ in range(_MOST_STEPS if len(rows) else 0):
         point, tangent = table.with_tangent(u)
         offset = point - centre
-        distance = np.sqrt(dot(offset, offset))
+        distance = np.sqrt(column_dots(offset, offset))
         gap = (radius - distance) / table.step
         within = gap > 0.0
         low, high = np.where(within, u, low), np.where(within, high, u)
@@ -228,7 +223,7 @@ def _march(table: CurveTable, start: Array, centre: Array, radius: Array) -> tup
             rows, u, centre, radius, gap = rows[rest], u[rest], centre[:, rest], radius[rest], gap[rest]
             low, high, offset, distance = low[rest], high[rest], offset[:, rest], distance[rest]
             tangent = tangent[:, rest]
-        slope = dot(offset, tangent) / np.maximum(distance, 1e-300)
+        slope = column_dots(offset, tangent) / np.maximum(distance, 1e-300)
         newton = u + gap / np.where(np.abs(slope) > 1e-3, slope, 1e-3)
         # Before the sphere has been crossed, only where the distance is sure to grow all the way.
         near = (slope > 0.5) & (gap * table.step < 0.05 * radius)
@@ -275,7 +270,7 @@ def deviations(table: CurveTable, u: Array, joints: Array, places: int = 7) -> D
     """
     low, span = u[..., :-1], np.diff(u)
     start, axis = joints[..., :-1], np.diff(joints, axis=-1)
-    squared_length = np.maximum(dot(axis, axis), 1e-300)
+    squared_length = np.maximum(column_dots(axis, axis), 1e-300)
     inverse = 1.0 / squared_length
     # The places come before the pieces, so that what belongs to the pieces spreads over them.
     grid = np.linspace(0.0, 1.0, places + 2).reshape(-1, *[1] * low.ndim)
@@ -295,16 +290,16 @@ def deviations(table: CurveTable, u: Array, joints: Array, places: int = 7) -> D
     # A Newton step on the slope, with the parabola's curvature, gains another three digits.
     point, tangent = table.with_tangent(peak)
     offset = point - start
-    offset -= np.clip(dot(offset, axis) * inverse, 0.0, 1.0) * axis
-    slope = 2.0 * table.step * dot(offset, tangent)
+    offset -= np.clip(column_dots(offset, axis) * inverse, 0.0, 1.0) * axis
+    slope = 2.0 * table.step * column_dots(offset, tangent)
     peak = np.clip(peak - np.clip(slope * width / bend, -0.5, 0.5) * width, low, low + span)
     peak = np.where(_squared(table, peak, start, axis, squared_length) > top, peak, middle)
 
     offset = table(peak) - start
-    along = dot(offset, axis) * inverse
+    along = column_dots(offset, axis) * inverse
     beyond = (along - np.clip(along, 0.0, 1.0)) ** 2 / inverse
     offset -= along * axis
-    height = np.sqrt(dot(offset, offset))
+    height = np.sqrt(column_dots(offset, offset))
     return Deviations(np.sqrt(height**2 + beyond), peak, height, offset / np.maximum(height, 1e-300), along)
 
 
@@ -314,12 +309,12 @@ def _squared(table: CurveTable, u: Array, start: Array, axis: Array, squared_len
         start, axis = start[:, None], axis[:, None]
     offset = table(u)
     offset -= start
-    along = dot(offset, np.broadcast_to(axis, offset.shape))
+    along = column_dots(offset, np.broadcast_to(axis, offset.shape))
     t = np.minimum(np.maximum(along / squared_length, 0.0), 1.0)
     # |offset - t axis|^2
     along *= 2.0
     along -= t * squared_length
     along *= t
-    squares = dot(offset, offset)
+    squares = column_dots(offset, offset)
     squares -= along
     return squares

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dlogen.stages.segmentation.curve_table import CurveTable, Deviations, Traces, deviations, dot, trace
+from dlogen.geometry.vectors import column_dots
+from dlogen.stages.segmentation.curve_table import CurveTable, Deviations, Traces, deviations, trace
 from dlogen.types import Array, BoolArray, IntArray
 
 #: Intervals of lengths that are still open at this share of the length count as settled by the chains at their ends.
@@ -281,7 +282,7 @@ def _refuted(
     move_a, move_b = np.abs(steps[:, :-1]), np.abs(steps[:, 1:])
     latest, earliest = np.maximum(arcs[:-1], arcs[1:])[:, :-1], np.minimum(arcs[:-1], arcs[1:])[:, 1:]
     chords = np.diff(joints, axis=2)
-    lengths = np.maximum(np.sqrt(dot(chords, chords)), 1e-9)
+    lengths = np.maximum(np.sqrt(column_dots(chords, chords)), 1e-9)
     chords /= lengths
     # Chords in between have lengths in between, but for the last ones, which can be as long as the others before.
     slack = np.abs(np.diff(lengths, axis=0)) + np.abs(np.diff(lengths[:, 0]))[:, None]
@@ -291,15 +292,15 @@ def _refuted(
     result = np.zeros(len(arcs) - 1, dtype=np.bool_)
     for own, way in ((slice(None, -1), 1.0), (slice(1, None), -1.0)):
         direction, height, length, chord = far.direction[:, own], far.height[own], lengths[own], chords[:, own]
-        rises = way * dot(moves[:, :, :-1], direction), way * dot(moves[:, :, 1:], direction)
+        rises = way * column_dots(moves[:, :, :-1], direction), way * column_dots(moves[:, :, 1:], direction)
         apart = np.maximum(
             np.maximum(rises[0], 0.0) + curvature / 8.0 * move_a**2,
             np.maximum(rises[1], 0.0) + curvature / 8.0 * move_b**2,
         )
 
         tangent_a, tangent_b = tangents[:, own, :-1], tangents[:, own, 1:]
-        up_a, up_b = dot(tangent_a, direction), dot(tangent_b, direction)
-        along_a, along_b = dot(tangent_a, chord), dot(tangent_b, chord)
+        up_a, up_b = column_dots(tangent_a, direction), column_dots(tangent_b, direction)
+        along_a, along_b = column_dots(tangent_a, chord), column_dots(tangent_b, chord)
         forwards = (along_a > 0.3) & (along_b > 0.3)
         follow = along_a / np.where(forwards, along_b, 1.0)
         share = np.clip(far.along[own], 0.0, 1.0)

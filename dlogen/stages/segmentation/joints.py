@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dlogen.errors import FitError
+from dlogen.geometry.vectors import dots
 from dlogen.types import Array, Joints, Skeleton
 
 #: Chord lengths are met to this many metres.
@@ -91,7 +92,7 @@ class _FirstCrossing:
             return None
         grid = np.concatenate([[s], self.grid[start:]])
         offset = self.points[start:] - centre
-        value = np.concatenate([[0.0], np.einsum("ij,ij->i", offset, offset)]) - self.radius**2
+        value = np.concatenate([[0.0], dots(offset, offset)]) - self.radius**2
         limit = self.limit[start - 1 :]
         highest = np.maximum(value[:-1], value[1:]) + limit * np.diff(grid) ** 2 / 8.0
         for k in np.flatnonzero(highest >= 0.0).tolist():

@@ -16,7 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import LinAlgError, solve_banded
 
-from dlogen.stages.segmentation.curve_table import CurveTable, deviations, dot, trace
+from dlogen.geometry.segments import feet
+from dlogen.geometry.vectors import column_dots
+from dlogen.stages.segmentation.curve_table import CurveTable, deviations, trace
 from dlogen.types import Array, Joints
 
 #: The exponents and how many Newton steps each gets.
@@ -96,7 +98,7 @@ def _starts(table: CurveTable, count: int) -> list[Array]:
     middle = 0.5 * (u[:, :-1] + u[:, 1:])
     joints = table(u)
     sagitta = table(middle) - 0.5 * (joints[..., :-1] + joints[..., 1:])
-    order = np.argsort(dot(sagitta, sagitta).max(axis=1), kind="stable")
+    order = np.argsort(column_dots(sagitta, sagitta).max(axis=1), kind="stable")
     return [u[order[0]], u[order[len(order) // 2]]]
 
 
@@ -165,7 +167,7 @@ class _Chain:
     def _deviation(self) -> float:
         """The largest distance between pieces and segments, at a few places, and between joints and feet, metres."""
         _, residual = self._pieces()
-        return max(float(np.sqrt(dot(residual, residual).max())), self._apart())
+        return max(float(np.sqrt(column_dots(residual, residual).max())), self._apart())
 
     def _apart(self) -> float:
         """The largest distance between a joint and its foot, metres."""
@@ -174,11 +176,8 @@ class _Chain:
     def _pieces(self) -> tuple[Array, Array]:
         """Feet on the segments, (P, n), and vectors from there to the line, (3, P, n)."""
         line = self.table(self.u[:-1] + _PLACES[:, None] * np.diff(self.u))
-        start, axis = self.x[:, None, :-1], np.diff(self.x, axis=1)[:, None]
-        axis = np.broadcast_to(axis, line.shape)
-        t = np.clip(dot(line - start, axis) / np.maximum(dot(axis, axis), 1e-300), 0.0, 1.0)
-        residual: Array = line - start - t * axis
-        return t, residual
+        t, residual = feet(np.moveaxis(line, 0, -1), self.x[:, :-1].T, np.diff(self.x, axis=1).T)
+        return t, np.moveaxis(residual, -1, 0)
 
     def _step(self, exponent: int | None) -> None:
         """A Newton step on the p-norm of the deviations, or, without one, the least move that evens the lengths."""
@@ -240,7 +239,7 @@ class _Chain:
         t, residual = self._pieces()
         feet, tangent = self.table.with_tangent(self.u[1:-1])
         apart = feet - self.x[:, 1:-1]
-        distance, gap = np.sqrt(dot(residual, residual)), np.sqrt(dot(apart, apart))
+        distance, gap = np.sqrt(column_dots(residual, residual)), np.sqrt(column_dots(apart, apart))
         top = max(float(distance.max()), float(gap.max()), 1e-300)
         weight, joint_weight = (np.maximum(d / top, 1e-3) ** (exponent - 2) for d in (distance, gap))
         towards = residual / np.maximum(distance, 1e-300)
@@ -270,6 +269,6 @@ class _Chain:
         u = self.u[1:-1]
         for _ in range(2):
             point, tangent = self.table.with_tangent(u)
-            u = u + dot(self.x[:, 1:-1] - point, tangent) / self.table.step
+            u = u + column_dots(self.x[:, 1:-1] - point, tangent) / self.table.step
             u = np.clip(u, 0.0, self.table.cells)
         self.u[1:-1] = np.maximum.accumulate(u)

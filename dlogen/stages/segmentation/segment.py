@@ -19,6 +19,8 @@ import numpy as np
 
 from dlogen.errors import FitError
 from dlogen.geometry.curvature import max_curvature
+from dlogen.geometry.polyline import segment_lengths
+from dlogen.geometry.vectors import dots
 from dlogen.stages.chain import deviation
 from dlogen.stages.segmentation.curve_table import CurveTable, trace
 from dlogen.stages.segmentation.fewest_segments import equal_lengths, fewest_segments
@@ -135,7 +137,7 @@ def _on_curve(table: CurveTable, length: float) -> Joints:
     if math.isinf(length) or line.length > 10_000 * length:
         return place_joints(line, length)
     joints = _polished(line, table.parameter(trace(table, np.array([length])).u[0]), length)
-    chords = np.linalg.norm(np.diff(joints.positions, axis=0), axis=1)
+    chords = segment_lengths(joints.positions)
     if joints.last_segment_length <= TOLERANCE or np.abs(chords[:-1] - length).max(initial=0.0) > TOLERANCE:
         return place_joints(line, length)
     return joints
@@ -157,7 +159,7 @@ def _polished(line: Skeleton, s: np.ndarray, length: float) -> Joints:
         if np.abs(errors).max(initial=0.0) < 1e-4 * TOLERANCE:
             break
         unit = chords / np.maximum(sizes, 1e-300)[:, None]
-        before, after = (np.einsum("ij,ij->i", unit, part).tolist() for part in (slopes[:-1], slopes[1:]))
+        before, after = (dots(unit, part).tolist() for part in (slopes[:-1], slopes[1:]))
         shift, shifts = 0.0, []
         for k, error in enumerate(errors.tolist()):
             if after[k] > 1e-6 * line.length:

@@ -72,7 +72,8 @@ def test_the_offset_moves_the_line_but_not_its_derivatives() -> None:
     at = np.linspace(0, 1, 7)
     assert moved(at) == pytest.approx(line(at) + np.array([5e6, -1.0, 2.0]), abs=1e-9)
     assert np.array_equal(moved(at, 1), line(at, 1))
-    assert moved(0.5).shape == (1, 3)
+    assert moved(0.5).shape == (3,)
+    assert moved([0.5]).shape == (1, 3)
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
+from dlogen.geometry.vectors import column_dots
 from dlogen.stages.refined.tube_curve import (
     TubeCurve,
     arc_at,
     arc_table,
-    dot,
     evened,
     foot_points,
     from_polyline,
@@ -141,7 +141,7 @@ def test_smoothing_leaves_parabolas_and_takes_wiggles() -> None:
 
 def test_dot_is_by_columns() -> None:
     a, b = np.random.default_rng(0).normal(size=(2, 3, 20))
-    assert np.allclose(dot(a, b), np.einsum("cm,cm->m", a, b), atol=1e-14)
+    assert np.allclose(column_dots(a, b), np.einsum("cm,cm->m", a, b), atol=1e-14)
 
 
 def test_arc_table_of_a_parabola() -> None:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from dlogen.evaluation.shapes import centre_line, random_centre_line
+from dlogen.geometry.vectors import column_dots
 from dlogen.stages.chain import deviation
-from dlogen.stages.segmentation.curve_table import CurveTable, deviations, dot, trace
+from dlogen.stages.segmentation.curve_table import CurveTable, deviations, trace
 from dlogen.stages.segmentation.joints import place_joints
 
 
@@ -63,7 +64,7 @@ def test_arrays_of_any_shape(helix) -> None:
     u = np.random.default_rng(0).uniform(0.0, table.cells, (4, 5, 6))
     assert table(u).shape == (3, 4, 5, 6)
     assert np.array_equal(table(u)[:, 1, 2, 3], table(u[1, 2, 3:4])[:, 0])
-    assert dot(table(u), table(u)) == pytest.approx((table(u) ** 2).sum(axis=0))
+    assert column_dots(table(u), table(u)) == pytest.approx((table(u) ** 2).sum(axis=0))
 
 
 def test_joints_on_a_circle_and_on_a_straight_line(circle, straight) -> None:

@@ -232,11 +232,11 @@ MUTANTS = (
         "the base of the package is turned",
     ),
     Mutant(
-        "curves-urdf-angles",
+        "curves-last-moving-joint",
         "io/curves/serial_urdf.py",
-        "sy * sp * cr - cy * sr]",
-        "sy * sp * cr + cy * sr]",
-        "joints of a URDF that roll are turned wrongly in one entry",
+        "joint.moves or any(leads_on[other.child]",
+        "any(leads_on[other.child]",
+        "a chain whose last link has a frame fixed beside it passes for one that branches",
     ),
     Mutant(
         "report-dof",
@@ -318,8 +318,8 @@ MUTANTS = (
     Mutant(
         "sequence-joint-off-curve",
         "sequence/rigid_links.py",
-        "before = _to_segments(joints[:, 1:, None]",
-        "before = _to_segments(joints[:, :-1, None]",
+        "before = distances(joints[:, 1:, None]",
+        "before = distances(joints[:, :-1, None]",
         "the deviation overlooks joints that are off the curve, the last one above all",
     ),
     Mutant(

@@ -72,6 +72,7 @@ class Copy:
 
     def __init__(self, folder: Path, timeout: float) -> None:
         self.folder, self.timeout = folder, timeout
+        self.process: subprocess.Popen[str] | None = None
         shutil.copytree(ROOT, folder, ignore=_LEFT_OUT, symlinks=True)
         self.environment = os.environ | {"PYTHONPATH": str(folder), "OPENBLAS_NUM_THREADS": "1"}
         where = [sys.executable, "-c", "import dlogen; print(dlogen.__file__)"]
@@ -92,7 +93,7 @@ class Copy:
         # A file that cannot even be read is left out as a whole.
         command += [f"--{'deselect' if '::' in test else 'ignore'}={test}" for test in sorted(leave_out)]
         # A group of its own, so that what tests have started ends as well.
-        process = subprocess.Popen(
+        self.process = process = subprocess.Popen(
             command,
             cwd=self.folder,
             env=self.environment,
@@ -104,9 +105,14 @@ class Copy:
         try:
             output = process.communicate(timeout=self.timeout)[0]
         except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
+            self.stop()
             return Ended(None, (), process.communicate()[0])
         return Ended(process.returncode, tuple(_FAILED.findall(output)), output)
+
+    def stop(self) -> None:
+        """End what is running."""
+        if self.process is not None and self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGKILL)
 
 
 def changed(mutant: Mutant) -> tuple[str, str]:
@@ -192,9 +198,10 @@ def main() -> int:
     caught: dict[str, bool] = {}
     counter = itertools.count(1)
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
+        made = [Copy(Path(folder).resolve() / str(number), arguments.timeout) for number in range(arguments.jobs)]
         copies: queue.Queue[Copy] = queue.Queue()
-        for number in range(arguments.jobs):
-            copies.put(Copy(Path(folder).resolve() / str(number), arguments.timeout))
+        for copy in made:
+            copies.put(copy)
 
         def work(mutant: Mutant) -> None:
             copy = copies.get()
@@ -206,9 +213,15 @@ def main() -> int:
             said = f"caught by {test}" if test else f"LIVED: {mutant.breaks}"
             print(f"[{next(counter)}/{len(wanted)}] {mutant.name}: {said}", flush=True)
 
-        with ThreadPoolExecutor(arguments.jobs) as pool:
+        pool = ThreadPoolExecutor(arguments.jobs)
+        try:
             # Errors of a thread come out here.
             list(pool.map(work, wanted))
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for copy in made:
+                copy.stop()
+            pool.shutdown()
 
     enough = True
     for what, group, least in (("glue: ", GLUE, 1.0), ("", MUTANTS, ENOUGH)):

@@ -163,11 +163,11 @@ def test_limits_hold_for_what_was_done_before_as_well(setting: Setting, capsys: 
 
 
 def test_clouds_above_a_limit_are_not_all_named(setting: Setting, capsys: pytest.CaptureFixture[str]) -> None:
-    keys = "abcdefghijklm"
+    limits = [Threshold("length", 1.0)]
     for count in (10, 11, 13):
-        store = Setting(setting.folder / str(count), setting.plan)
+        pool = Said(*(good(key, length=2.0) for key in "abcdefghijklm"[:count]))
         with pytest.raises(DlogenError, match=f"length is above 1 for {count}"):
-            store.run_batch(Said(*(good(key, length=2.0) for key in keys[:count])), thresholds=[Threshold("length", 1.0)])
+            Setting(setting.folder / str(count), setting.plan).run_batch(pool, thresholds=limits)
         (said,) = (line for line in capsys.readouterr().err.splitlines() if " x length is above 1: " in line)
         named = re.findall(r"in/\w[.]ply [(]2[)]", said)
         assert len(named) == 10

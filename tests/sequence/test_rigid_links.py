@@ -141,7 +141,6 @@ class TestDeviation:
         joints = np.linspace([0.0, 0.003, 0.004], [1.0, 0.003, 0.004], 5)[None]
         assert deviations(shape, joints, links) == pytest.approx([0.005])
 
-
     @pytest.mark.parametrize("joint", range(5))
     def test_of_one_joint_off_the_curve(self, joint: int) -> None:
         """Before and behind it the chain comes back to the curve: nothing but that joint is so far away."""

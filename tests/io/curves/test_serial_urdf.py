@@ -15,10 +15,10 @@ from scipy.spatial.transform import Rotation
 from dlogen.io.curves.curve import load_curve
 from dlogen.io.curves.serial_urdf import _rotation, link_origins
 from dlogen.io.models import urdf
-from dlogen.types import Result
+from dlogen.types import FitData
 
 
-def test_our_urdf_has_the_joints_of_the_chain(result: Result, tmp_path: Path) -> None:
+def test_our_urdf_has_the_joints_of_the_chain(result: FitData, tmp_path: Path) -> None:
     path = written(tmp_path, "cable.urdf", urdf.write(result, "cable")["cable.urdf"])
     curve = load_curve(path)
     assert (curve.kind, curve.is_chain) == ("urdf", True)
@@ -34,7 +34,7 @@ ARM = (
 
 
 @pytest.mark.oracle
-def test_forward_kinematics_is_that_of_yourdfpy(result: Result, tmp_path: Path) -> None:
+def test_forward_kinematics_is_that_of_yourdfpy(result: FitData, tmp_path: Path) -> None:
     yourdfpy = pytest.importorskip("yourdfpy")
     path = written(tmp_path, "arm.urdf", robot(*ARM))
     model = yourdfpy.URDF.load(str(path), load_meshes=False, build_scene_graph=True)

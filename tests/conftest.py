@@ -25,7 +25,7 @@ from dlogen.stages.paper.sorting import sort_points
 from dlogen.stages.quality.residual import foot_points, tube_residual
 from dlogen.stages.segmentation.joints import place_joints
 from dlogen.stages.segmentation.segment_length import max_segment_length
-from dlogen.types import Basis, Intermediate, Quality, Result, Segmentation, Skeleton
+from dlogen.types import Basis, FitData, Intermediate, Quality, Segmentation, Skeleton
 
 Array = np.ndarray
 Curve = Callable[[Array, int], Array]
@@ -95,7 +95,7 @@ def _fitted(line: CentreLine | Skeleton, basis: Basis | None = None) -> Skeleton
 
 def _make_result(
     line: Skeleton, radius: float = 0.01, e_max: float | None = None, *, name: str = "cable", **changes: Any
-) -> Result:
+) -> FitData:
     """What a fit to a tube around the line would return, without a fit: the stages behind the skeleton line."""
     e_max = radius / 2 if e_max is None else e_max
     s = np.linspace(0.0, 1.0, 400)
@@ -142,7 +142,7 @@ def _make_result(
             Intermediate("unreached", projected[walk.unreached]),
         ),
     }
-    return Result(**(values | changes))
+    return FitData(**(values | changes))
 
 
 @pytest.fixture(scope="session")
@@ -171,7 +171,7 @@ def fitted() -> Callable[..., Skeleton]:
 
 
 @pytest.fixture(scope="session")
-def make_result() -> Callable[..., Result]:
+def make_result() -> Callable[..., FitData]:
     return _make_result
 
 

@@ -20,7 +20,7 @@ from dlogen.errors import ConfigError, DlogenError, FitError, InputError, Output
 from dlogen.io.outputs import Outputs
 
 if TYPE_CHECKING:
-    from dlogen.types import Cloud, Result
+    from dlogen.types import Cloud, FitData
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,7 @@ def _refuse_pipe(path: str, kind: type[DlogenError]) -> None:
         raise kind(f"it is {what}, not a file", "name a file, or copy it to one", path=path)
 
 
-def _fit(plan: Plan, task: Task, cloud: Cloud) -> tuple[Result, dict[str, bytes]]:
+def _fit(plan: Plan, task: Task, cloud: Cloud) -> tuple[FitData, dict[str, bytes]]:
     from dlogen.io.report import report_dict
     from dlogen.pipeline import fit
 

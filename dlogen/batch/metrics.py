@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from dlogen.errors import UsageError
 
 if TYPE_CHECKING:
-    from dlogen.types import Result
+    from dlogen.types import FitData
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Metric:
     """
 
     name: str
-    of: Callable[[Result], Any]
+    of: Callable[[FitData], Any]
     whole: bool = False
 
 
@@ -45,7 +45,7 @@ METRICS = (
 )
 
 
-def metrics_of(result: Result) -> dict[str, float]:
+def metrics_of(result: FitData) -> dict[str, float]:
     """All of them that are numbers, by name."""
     values = {item.name: (int if item.whole else float)(item.of(result)) for item in METRICS}
     return {name: value for name, value in values.items() if math.isfinite(value)}

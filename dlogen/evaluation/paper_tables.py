@@ -12,7 +12,7 @@ from dlogen.config.defaults import PAPER_SIZE
 from dlogen.geometry.arc_length import even_parameters
 from dlogen.geometry.mdtw import mdtw
 from dlogen.pipeline import fit
-from dlogen.types import Array, Mdtw, Result
+from dlogen.types import Array, FitData, Mdtw
 
 #: The paper's parameters: d = 40 mm, M = 5000, N = 21, tau = N / 4, beta = 1e-2 (IV.B), r_n and e_max of Table III.
 RADIUS = 0.02
@@ -74,7 +74,7 @@ class Figure:
         }
 
 
-def skeleton_error(result: Result, truth: Array) -> Mdtw:
+def skeleton_error(result: FitData, truth: Array) -> Mdtw:
     """MDTW of the skeleton line against the true one, which has no preferred end: the better direction counts.
 
     Args:

@@ -15,7 +15,7 @@ from dlogen.evaluation.synthetic import sample_tube
 from dlogen.geometry.arc_length import even_parameters
 from dlogen.geometry.curvature import max_curvature
 from dlogen.pipeline import fit
-from dlogen.types import Result
+from dlogen.types import FitData
 
 _FROM_ABOVE = (0.0, 0.0, -1.0)
 
@@ -95,7 +95,7 @@ class Accuracy:
     curvature: float
 
 
-def accuracy(result: Result, truth: CentreLine, radius: float) -> Accuracy:
+def accuracy(result: FitData, truth: CentreLine, radius: float) -> Accuracy:
     """Compare a fit with the truth.
 
     Args:
@@ -115,7 +115,7 @@ def accuracy(result: Result, truth: CentreLine, radius: float) -> Accuracy:
     )
 
 
-def run(case: Case, seed: int) -> Result:
+def run(case: Case, seed: int) -> FitData:
     """Fit one cloud of that kind, with nothing set."""
     return fit(_cloud(case, seed)[0])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,13 +15,16 @@ import numpy as np
 from dlogen.config.defaults import ROOT_LINK
 from dlogen.config.fields import AUTO
 from dlogen.config.schema import Config
-from dlogen.errors import InputError
-from dlogen.geometry.basis import basis_from_dict
+from dlogen.errors import ConfigError, InputError
+from dlogen.geometry.basis import InverseQuadratic, basis_from_dict
 from dlogen.io.report import CHAIN_SCHEMA
 from dlogen.multibody.build import build_model
 from dlogen.multibody.model import MultibodyModel
-from dlogen.types import Array, Chain, Finding, Frame, Quality, Skeleton
+from dlogen.types import Array, Basis, Chain, Finding, Frame, Quality, Skeleton
 from dlogen.types.short_repr import ShortRepr
+
+#: Sections of the configuration that the multibody model is made with. A fit chooses nothing in them.
+_OF_MODEL = ("joints", "material", "frame")
 
 #: A chain of 100,000 segments is as large; larger files are something else.
 _MOST_BYTES = 1 << 30
@@ -112,7 +116,7 @@ def load_chain(path: str | Path) -> LoadedChain:
     data = _read(Path(path))
     try:
         return _chain(Path(path).name.removesuffix(".json"), data)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError, ConfigError) as error:
         raise InputError(
             f"the chain is incomplete or damaged: {type(error).__name__}: {error}",
             "write it again: dlogen fit",
@@ -140,11 +144,12 @@ def _read(path: Path) -> Mapping[str, Any]:
 
 def _chain(name: str, data: Mapping[str, Any]) -> LoadedChain:
     line, links = data["skeleton"], data["links"]
+    basis = _basis(line["basis"])
     skeleton = Skeleton(
-        basis_from_dict(line["basis"]),
-        _array(line["basis"]["weights"], (-1, 3)),
+        basis,
+        _array(line["basis"]["weights"], (basis.size, 3)),
         _array(line["basis"]["offset"], (3,)),
-        float(line["length"]),
+        _number(line["length"]),
     )
     joints = _array(data["joints"], (len(links) + 1, 3))
     chain = Chain(
@@ -152,7 +157,7 @@ def _chain(name: str, data: Mapping[str, Any]) -> LoadedChain:
         _array(data["joint_s"], (len(joints),)),
         _array([link["transform"] for link in links], (len(links), 4, 4)),
         _array([link["length"] for link in links], (len(links),)),
-        float(data["radius"]),
+        _number(data["radius"]),
     )
     return LoadedChain(
         name=name,
@@ -161,12 +166,32 @@ def _chain(name: str, data: Mapping[str, Any]) -> LoadedChain:
         skeleton_points=_array(line["points"], (-1, 3)),
         chain=chain,
         frame=Frame(data["frame"], _array(data["frame_transform"], (4, 4))),
-        e_max=float(data["e_max"]),
-        max_deviation=float(data["max_deviation"]),
+        e_max=_number(data["e_max"]),
+        max_deviation=_number(data["max_deviation"]),
         quality=Quality(tuple(Finding.from_dict(item) for item in data["quality"]["findings"])),
-        config=Config().resolved(_flat(data["provenance"]["config"])),
+        config=_config(data["provenance"]["config"]),
         provenance=dict(data["provenance"]),
     )
+
+
+def _basis(data: dict[str, Any]) -> Basis:
+    basis = basis_from_dict(data)
+    if isinstance(basis, InverseQuadratic):
+        _number(basis.tau)
+    return basis
+
+
+def _config(data: Mapping[str, Any]) -> Config:
+    """What the chain was made with. What a fit chose need not be what may be set; what the model is made of must."""
+    Config.from_dict({name: data[name] for name in _OF_MODEL if name in data})
+    return Config().resolved(_flat(data))
+
+
+def _number(value: Any) -> float:
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError("numbers that are not finite")
+    return number
 
 
 def _array(value: Any, shape: tuple[int, ...]) -> Array:

@@ -12,10 +12,10 @@ from dlogen.io.parsing.ply_writer import write_ply
 from dlogen.types import Array, IntArray
 
 if TYPE_CHECKING:
-    from dlogen.types import Intermediate, Result
+    from dlogen.types import FitData, Intermediate
 
 
-def dump_files(result: Result) -> dict[str, bytes]:
+def dump_files(result: FitData) -> dict[str, bytes]:
     """File names and contents, numbered in the order in which they were made; metres.
 
     Points carry what the stage found about them as properties; sorted ones their coordinate s as a colour too, from

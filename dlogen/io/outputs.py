@@ -11,7 +11,7 @@ from dlogen.io.json_text import dump_json
 from dlogen.io.registry import model_format, model_formats
 
 if TYPE_CHECKING:
-    from dlogen.types import Result
+    from dlogen.types import FitData
 
 
 #: Among the names of formats; none of them has it.
@@ -66,7 +66,7 @@ class Outputs:
         models = [name for item in self.formats for name in model_format(item).files(stem)]
         return (*models, f"{stem}.report.json", *([f"{stem}.png"] if self.plot else []))
 
-    def contents(self, result: Result, stem: str, report: dict[str, Any]) -> dict[str, bytes]:
+    def contents(self, result: FitData, stem: str, report: dict[str, Any]) -> dict[str, bytes]:
         """Their names, with folders before some of them, and what they hold.
 
         Raises:

@@ -12,7 +12,7 @@ import numpy as np
 
 from dlogen.errors import UsageError
 from dlogen.geometry.curvature import curvature
-from dlogen.types import Array, Result
+from dlogen.types import Array, FitData
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +26,7 @@ _DRAWN = 4000
 BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#8c8c8c"
 
 
-def fit_picture(result: Result) -> bytes:
+def fit_picture(result: FitData) -> bytes:
     """A PNG of a fit: cloud, skeleton line and chain from two sides, curvature, and the error (the paper's Fig. 9).
 
     Args:
@@ -50,7 +50,7 @@ def fit_picture(result: Result) -> bytes:
     return png(figure)
 
 
-def _draw_views(axes: Axes, result: Result) -> None:
+def _draw_views(axes: Axes, result: FitData) -> None:
     """Two perpendicular views side by side in one frame: the widest one and the one from its side."""
     cloud = result.intermediates[0 if result.profile == "paper" else 1].points
     # Who looks for what the chain misses has to see it; what is far away would only make the rest small.
@@ -93,7 +93,7 @@ def _draw_views(axes: Axes, result: Result) -> None:
     legend(axes, ncols=4, markerscale=2)
 
 
-def _draw_curvature(axes: Axes, result: Result) -> None:
+def _draw_curvature(axes: Axes, result: FitData) -> None:
     s = np.linspace(0.0, 1.0, 1000)
     axes.plot(s, curvature(result.skeleton, s), color=BLUE, linewidth=1.3)
     axes.plot(result.chain.s, np.zeros(len(result.chain.s)), "|", color=RED, markersize=8, label="joints")
@@ -105,7 +105,7 @@ def _draw_curvature(axes: Axes, result: Result) -> None:
     axes.grid(alpha=0.3)
 
 
-def _draw_error(axes: Axes, result: Result) -> None:
+def _draw_error(axes: Axes, result: FitData) -> None:
     axes.plot(result.mdtw.s, 1e3 * result.mdtw.error, color=BLUE, linewidth=1.0, label="MDTW error")
     draw_allowed(axes, result.e_max, result.mdtw.max)
     axes.set_xlim(0.0, 1.0)

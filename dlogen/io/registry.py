@@ -22,7 +22,7 @@ from dlogen.errors import UsageError
 from dlogen.io import clouds, models
 
 if TYPE_CHECKING:
-    from dlogen.types import RawCloud, Result
+    from dlogen.types import FitData, RawCloud
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class ModelFormat:
     name: str
     suffixes: tuple[str, ...]
     description: str
-    write: Callable[[Result, str], dict[str, bytes]]
+    write: Callable[[FitData, str], dict[str, bytes]]
     named: Callable[[str], tuple[str, ...]] | None = None
 
     def files(self, stem: str) -> tuple[str, ...]:

@@ -9,13 +9,13 @@ import numpy as np
 
 from dlogen.multibody.build import multibody
 from dlogen.multibody.model import Joint, MultibodyModel
-from dlogen.types import Mdtw, Result, Segmentation
+from dlogen.types import FitData, Mdtw, Segmentation
 
 CHAIN_SCHEMA = "dlogen.chain/1"
 REPORT_SCHEMA = "dlogen.report/1"
 
 
-def chain_dict(result: Result) -> dict[str, Any]:
+def chain_dict(result: FitData) -> dict[str, Any]:
     """The kinematic chain, `dlogen.chain/1`.
 
     The skeleton line is f(s) = sum_j weights_j phi_j(s) + offset with the basis named in `skeleton.basis`
@@ -113,7 +113,7 @@ def _joint_dict(joint: Joint) -> dict[str, Any]:
     }
 
 
-def report_dict(result: Result, reference: dict[str, Any] | None = None) -> dict[str, Any]:
+def report_dict(result: FitData, reference: dict[str, Any] | None = None) -> dict[str, Any]:
     """The error report, `dlogen.report/1`.
 
     Args:
@@ -150,7 +150,7 @@ def report_dict(result: Result, reference: dict[str, Any] | None = None) -> dict
     return report
 
 
-def segmentation_dict(result: Result) -> dict[str, Any]:
+def segmentation_dict(result: FitData) -> dict[str, Any]:
     """The chain's segmentation, why it does not have fewer segments, and what other criteria give, side by side.
 
     `dof` counts the inner joints' degrees of freedom. `fewer.resolution` says that all segment lengths were searched,
@@ -196,7 +196,7 @@ def mdtw_dict(error: Mdtw) -> dict[str, Any]:
     }
 
 
-def quality_dict(result: Result) -> dict[str, Any]:
+def quality_dict(result: FitData) -> dict[str, Any]:
     """Verdict and findings."""
     return {
         "verdict": result.quality.verdict,

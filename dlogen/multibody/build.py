@@ -18,10 +18,10 @@ from dlogen.multibody.model import Body, Joint, MultibodyModel
 from dlogen.types import Array, Chain, Pose
 
 if TYPE_CHECKING:
-    from dlogen.types import Result
+    from dlogen.types import FitData
 
 
-def multibody(result: Result, name: str | None = None) -> MultibodyModel:
+def multibody(result: FitData, name: str | None = None) -> MultibodyModel:
     """The model of what a fit made, with the settings that it was made with.
 
     Args:

@@ -17,10 +17,10 @@ from dlogen.multibody.build import multibody
 from dlogen.sequence.captures import read_fit
 from dlogen.sequence.trajectory import Motion
 from dlogen.sequence.trajectory_tables import trajectory_csv, trajectory_npz
-from dlogen.types import Frame, Joints, Quality, Residual, Result, Segmentation, Skeleton
+from dlogen.types import FitData, Frame, Joints, Quality, Residual, Segmentation, Skeleton
 
 
-def result_of(motion: Motion, folder: Path, key: str, config: Config, name: str) -> Result:
+def result_of(motion: Motion, folder: Path, key: str, config: Config, name: str) -> FitData:
     """The shared model as the result of a fit, so that every format can write it.
 
     The skeleton line and the residual are those of the reference capture.
@@ -49,7 +49,7 @@ def result_of(motion: Motion, folder: Path, key: str, config: Config, name: str)
     error = mdtw(resample(points, config.mdtw.samples), resample(chain.joints, config.mdtw.samples))
     worst = float(error.s[int(np.argmax(error.error))])
     resolved = config.resolved({"r": chain.radius, "e_max": model.e_max, "segmentation.criterion": model.criterion})
-    return Result(
+    return FitData(
         name=name,
         profile=data["profile"],
         skeleton=line,
@@ -72,7 +72,7 @@ def result_of(motion: Motion, folder: Path, key: str, config: Config, name: str)
 
 
 def contents(
-    motion: Motion, result: Result, report: dict[str, Any], formats: Sequence[str], names: Sequence[str]
+    motion: Motion, result: FitData, report: dict[str, Any], formats: Sequence[str], names: Sequence[str]
 ) -> dict[str, bytes]:
     """All files by name.
 

@@ -11,12 +11,12 @@ from dlogen.io.report import model_dict
 from dlogen.multibody.build import multibody
 from dlogen.sequence.outliers import Size
 from dlogen.sequence.trajectory import Motion
-from dlogen.types import Result
+from dlogen.types import FitData
 
 SCHEMA = "dlogen.sequence/1"
 
 
-def sequence_dict(motion: Motion, result: Result, *, time_source: str | None, rate: float | None) -> dict[str, Any]:
+def sequence_dict(motion: Motion, result: FitData, *, time_source: str | None, rate: float | None) -> dict[str, Any]:
     """The report, `dlogen.sequence/1`."""
     model, sizes = motion.model, motion.model.sizes
     good = model.good

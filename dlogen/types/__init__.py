@@ -6,7 +6,7 @@ from dlogen.types.cloud import Cloud, Dropped, RawCloud, Source
 from dlogen.types.intermediate import Intermediate
 from dlogen.types.line import Basis, FittedLine, Skeleton, SortedPoints
 from dlogen.types.quality import SEVERITIES, Finding, Mdtw, Quality, Residual, Severity, Verdict
-from dlogen.types.result import FitData, Result
+from dlogen.types.result import FitData
 
 __all__ = [
     "SEVERITIES",
@@ -29,7 +29,6 @@ __all__ = [
     "Quality",
     "RawCloud",
     "Residual",
-    "Result",
     "Segmentation",
     "Severity",
     "Skeleton",

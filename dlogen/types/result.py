@@ -62,6 +62,3 @@ class FitData(ShortRepr):
     def settings(self) -> dict[str, Any]:
         """The resolved configuration as nested plain data, as the JSON files have it."""
         return self.config.to_dict()
-
-
-Result = FitData

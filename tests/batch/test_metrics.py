@@ -11,10 +11,10 @@ import pytest
 
 from dlogen.batch.metrics import METRICS, Threshold, metrics_of
 from dlogen.errors import UsageError
-from dlogen.types import Result
+from dlogen.types import FitData
 
 
-def test_figures_are_those_of_the_result(make_result: Callable[..., Result], circle: Callable[..., Any]) -> None:
+def test_figures_are_those_of_the_result(make_result: Callable[..., FitData], circle: Callable[..., Any]) -> None:
     result = make_result(circle(0.5, 2.0), 0.01, 0.004)
     metrics = metrics_of(result)
     assert list(metrics) == [item.name for item in METRICS]
@@ -32,7 +32,7 @@ def test_figures_are_those_of_the_result(make_result: Callable[..., Result], cir
     assert all(type(value) in (int, float) for value in metrics.values())
 
 
-def test_what_is_not_a_number_is_left_out(make_result: Callable[..., Result], circle: Callable[..., Any]) -> None:
+def test_what_is_not_a_number_is_left_out(make_result: Callable[..., FitData], circle: Callable[..., Any]) -> None:
     result = make_result(circle(0.5, 2.0))
     wrong = replace(result, residual=replace(result.residual, rms=math.nan), max_deviation=math.inf)
     assert set(metrics_of(result)) - set(metrics_of(wrong)) == {"residual_rms", "max_deviation"}

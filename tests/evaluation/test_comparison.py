@@ -14,13 +14,13 @@ from dlogen.evaluation.comparison import compare
 from dlogen.geometry.mdtw import mdtw
 from dlogen.geometry.polyline import arc_lengths, resample
 from dlogen.io.json_text import dump_json
-from dlogen.types import Result, Skeleton
+from dlogen.types import FitData, Skeleton
 
 
 @pytest.fixture(scope="module")
 def result(
-    make_result: Callable[..., Result], fitted: Callable[..., Skeleton], helix: Callable[..., Skeleton]
-) -> Result:
+    make_result: Callable[..., FitData], fitted: Callable[..., Skeleton], helix: Callable[..., Skeleton]
+) -> FitData:
     return make_result(fitted(helix(0.3, 0.05, 7.0)), 0.01, name="cable")
 
 
@@ -66,7 +66,7 @@ def test_compare_is_mdtw_of_even_samples() -> None:
     assert json.loads(dump_json(found)) == found
 
 
-def test_compare_does_not_depend_on_how_often_a_curve_was_sampled(result: Result) -> None:
+def test_compare_does_not_depend_on_how_often_a_curve_was_sampled(result: FitData) -> None:
     joints = result.chain.joints
     once, often = compare(result.skeleton_points, joints), compare(result.skeleton_points, resample(joints, 5001))
     assert often["mean"] == pytest.approx(once["mean"], rel=1e-3)

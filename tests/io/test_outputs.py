@@ -10,7 +10,7 @@ import pytest
 from dlogen.errors import UsageError
 from dlogen.io.outputs import Outputs
 from dlogen.io.registry import model_formats
-from dlogen.types import Result
+from dlogen.types import FitData
 
 
 def test_names_as_on_the_command_line() -> None:
@@ -37,7 +37,7 @@ def test_names_for_the_records_and_back() -> None:
 
 
 def test_files_are_known_before_there_is_anything_to_write(
-    make_result: Callable[..., Result], circle: Callable[..., Any], fitted: Callable[..., Any]
+    make_result: Callable[..., FitData], circle: Callable[..., Any], fitted: Callable[..., Any]
 ) -> None:
     result = make_result(fitted(circle(0.5, 2.0)), name="hose")
     outputs = Outputs.parse("all", plot=True)

@@ -16,19 +16,19 @@ from dlogen.evaluation.shapes import centre_line
 from dlogen.evaluation.synthetic import sample_tube
 from dlogen.io.plots import _draw_error, _draw_views, canvas, fit_picture
 from dlogen.pipeline import fit
-from dlogen.types import Finding, Quality, Result
+from dlogen.types import Finding, FitData, Quality
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
 @pytest.fixture(scope="module", params=["helical", "straight"])
-def result(request: pytest.FixtureRequest) -> Result:
+def result(request: pytest.FixtureRequest) -> FitData:
     cloud = sample_tube(centre_line(request.param), 0.02, 1500, np.random.default_rng(5))
     return fit(cloud.points, {"profile": "paper", "r": 0.02, "e_max": 0.01}, name=request.param)
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_fit_is_drawn_the_same_every_time(result: Result) -> None:
+def test_a_fit_is_drawn_the_same_every_time(result: FitData) -> None:
     picture = fit_picture(result)
     assert picture.startswith(PNG)
     assert picture == fit_picture(result)
@@ -56,7 +56,7 @@ def test_points_that_were_left_out_are_drawn() -> None:
     assert [len(line.get_xdata()) for line in left_out] == [200]
 
 
-def test_the_views_show_all_joints_in_proportion(result: Result) -> None:
+def test_the_views_show_all_joints_in_proportion(result: FitData) -> None:
     axes = canvas(8, 6).add_subplot()
     _draw_views(axes, result)
     chains = [line for line in axes.lines if line.get_marker() == "o"]
@@ -67,7 +67,7 @@ def test_the_views_show_all_joints_in_proportion(result: Result) -> None:
     assert spans[0] == pytest.approx(spans[1])
 
 
-def test_the_error_is_drawn_below_the_line_at_e_max(result: Result) -> None:
+def test_the_error_is_drawn_below_the_line_at_e_max(result: FitData) -> None:
     axes = canvas(8, 6).add_subplot()
     _draw_error(axes, result)
     curve, limit = axes.lines
@@ -87,7 +87,7 @@ def test_evaluation_pictures() -> None:
     assert all(content.startswith(PNG) for content in pictures.values())
 
 
-def test_without_matplotlib_the_hint_names_the_extra(monkeypatch: pytest.MonkeyPatch, result: Result) -> None:
+def test_without_matplotlib_the_hint_names_the_extra(monkeypatch: pytest.MonkeyPatch, result: FitData) -> None:
     real: Callable[..., Any] = builtins.__import__
 
     def refuse(name: str, *arguments: Any, **keywords: Any) -> Any:

@@ -16,7 +16,7 @@ from dlogen.evaluation.synthetic import sample_tube
 from dlogen.io.cloud_files import write_cloud
 from dlogen.io.outputs import Outputs
 from dlogen.sequence.trajectory import Motion
-from dlogen.types import Result
+from dlogen.types import FitData
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def result_for(make_result, straight):
     """The result of a recording, by its motion and settings of the joints."""
     template = make_result(straight([0, 0, 0], [1, 0, 0]))
 
-    def make(motion: Motion, **joints) -> Result:
+    def make(motion: Motion, **joints) -> FitData:
         config = Config(joints=JointSettings(base="floating", **joints))
         return replace(template, chain=motion.chain, config=config, recorded=motion.poses(), name="hose")
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from dlogen.io.curves.curve import Curve
-    from dlogen.types import Finding, Result
+    from dlogen.types import Finding, FitData
 
 #: Places of findings that a line of text names.
 _PLACES = 8
@@ -127,7 +127,7 @@ def _load(reference: str) -> Curve:
     return load_curve(reference)
 
 
-def _against(known: Curve, result: Result, samples: int) -> dict[str, Any]:
+def _against(known: Curve, result: FitData, samples: int) -> dict[str, Any]:
     """The skeleton line against a known curve."""
     from dlogen.evaluation.comparison import compare
     from dlogen.geometry.arc_length import even_parameters
@@ -136,7 +136,7 @@ def _against(known: Curve, result: Result, samples: int) -> dict[str, Any]:
     return compare(known.points, line, samples=samples)
 
 
-def _tell(result: Result, console: Console) -> None:
+def _tell(result: FitData, console: Console) -> None:
     """The outcome in a few lines for people."""
     chain = result.chain
     n = len(chain.lengths)

@@ -8,10 +8,10 @@ from dlogen.io.json_text import dump_json
 from dlogen.io.registry import ModelFormat
 
 if TYPE_CHECKING:
-    from dlogen.types import Result
+    from dlogen.types import FitData
 
 
-def write(result: Result, stem: str) -> dict[str, bytes]:
+def write(result: FitData, stem: str) -> dict[str, bytes]:
     """One file, `stem.json`."""
     from dlogen.io.report import chain_dict
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from dlogen.io.registry import ModelFormat
 
 if TYPE_CHECKING:
-    from dlogen.types import Result
+    from dlogen.types import FitData
 
 #: Linear RGBA.
 SEGMENT, _JOINT = (0.12, 0.30, 0.45, 1.0), (0.80, 0.28, 0.05, 1.0)
@@ -16,7 +16,7 @@ SEGMENT, _JOINT = (0.12, 0.30, 0.45, 1.0), (0.80, 0.28, 0.05, 1.0)
 _BALL = 1.15
 
 
-def write(result: Result, stem: str) -> dict[str, bytes]:
+def write(result: FitData, stem: str) -> dict[str, bytes]:
     """One file, `stem.chain.glb`; metres, in the frame of the chain.
 
     The nodes `segment_01` ... have the transforms of the chain's links (frame in the centre, x axis along the segment),

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 from dlogen.io.registry import ModelFormat
 
 if TYPE_CHECKING:
-    from dlogen.types import Result
+    from dlogen.types import FitData
 
 
-def write(result: Result, stem: str) -> dict[str, bytes]:
+def write(result: FitData, stem: str) -> dict[str, bytes]:
     """One file, `stem.skeleton.csv`: 1,000 rows, even in arc length.
 
     Columns: material coordinate s, arc length from the start, f(s), unit tangent, curvature (paper Eq. 16); metres.

@@ -23,7 +23,7 @@ from dlogen.io.xml_text import HEADER, element, numbers, start
 
 if TYPE_CHECKING:
     from dlogen.multibody.model import Body, Joint, MultibodyModel
-    from dlogen.types import Pose, Result
+    from dlogen.types import FitData, Pose
 
 #: A chain nests bodies, and the XML reader of MuJoCo stops at 500 levels (measured with 4.0).
 MOST_SEGMENTS = 496
@@ -38,7 +38,7 @@ _LEAST_INERT = 0.5
 _OF_DAMPING = 1.4
 
 
-def write(result: Result, stem: str) -> dict[str, bytes]:
+def write(result: FitData, stem: str) -> dict[str, bytes]:
     """One file, `stem.xml`."""
     from dlogen.multibody.build import multibody
 

@@ -8,12 +8,12 @@ from dlogen.io.json_text import dump_json
 from dlogen.io.registry import ModelFormat
 
 if TYPE_CHECKING:
-    from dlogen.types import Result
+    from dlogen.types import FitData
 
 SCHEMA = "dlogen.plain/1"
 
 
-def write(result: Result, stem: str) -> dict[str, bytes]:
+def write(result: FitData, stem: str) -> dict[str, bytes]:
     """One file, `stem.plain.json`: joints in order, lengths of the segments between them, radius; metres."""
     chain = result.chain
     data = {

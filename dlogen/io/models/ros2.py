@@ -16,7 +16,7 @@ from dlogen.io.registry import ModelFormat
 
 if TYPE_CHECKING:
     from dlogen.multibody.model import MultibodyModel
-    from dlogen.types import Chain, Result
+    from dlogen.types import Chain, FitData
 
 #: Categories of Unicode that names differ by: letters, numbers, symbols, and what is no character at all.
 _TELLING = "LNSC"
@@ -55,7 +55,7 @@ def files(stem: str) -> tuple[str, ...]:
     )
 
 
-def write(result: Result, stem: str) -> dict[str, bytes]:
+def write(result: FitData, stem: str) -> dict[str, bytes]:
     """A folder `stem_description`. Its URDF is the one that the format `urdf` writes."""
     from dlogen._version import __version__
     from dlogen.multibody.build import multibody

@@ -16,10 +16,10 @@ from dlogen.io.xml_text import HEADER, element, inertia, number, numbers, start
 
 if TYPE_CHECKING:
     from dlogen.multibody.model import Body, Joint, MultibodyModel
-    from dlogen.types import Array, Result
+    from dlogen.types import Array, FitData
 
 
-def write(result: Result, stem: str) -> dict[str, bytes]:
+def write(result: FitData, stem: str) -> dict[str, bytes]:
     """One file, `stem.sdf`."""
     from dlogen.multibody.build import multibody
 

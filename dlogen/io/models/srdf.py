@@ -12,13 +12,13 @@ from dlogen.io.xml_text import HEADER, element, start
 
 if TYPE_CHECKING:
     from dlogen.multibody.model import MultibodyModel
-    from dlogen.types import Array, Result
+    from dlogen.types import Array, FitData
 
 #: Name of the planning group.
 GROUP = "chain"
 
 
-def write(result: Result, stem: str) -> dict[str, bytes]:
+def write(result: FitData, stem: str) -> dict[str, bytes]:
     """One file, `stem.srdf`. Its model has the name that the URDF of the same stem has, as MoveIt wants it."""
     from dlogen.multibody.build import multibody
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 from dlogen.io.registry import ModelFormat
 
 if TYPE_CHECKING:
-    from dlogen.types import Result
+    from dlogen.types import FitData
 
 
-def write_glb(result: Result, stem: str) -> dict[str, bytes]:
+def write_glb(result: FitData, stem: str) -> dict[str, bytes]:
     """One file, `stem.tube.glb`, with one node `tube`.
 
     glTF stores vertices in single precision, which at survey coordinates is half a metre. So they are relative to the
@@ -35,7 +35,7 @@ def write_glb(result: Result, stem: str) -> dict[str, bytes]:
     return {f"{stem}.tube.glb": scene.export(file_type="glb", include_normals=True)}
 
 
-def write_obj(result: Result, stem: str) -> dict[str, bytes]:
+def write_obj(result: FitData, stem: str) -> dict[str, bytes]:
     """One file, `stem.tube.obj`; nanometres are its last digit."""
     import trimesh
 
@@ -49,7 +49,7 @@ def write_obj(result: Result, stem: str) -> dict[str, bytes]:
     return {f"{stem}.tube.obj": f"{text.rstrip()}\n".encode()}
 
 
-def write_ply(result: Result, stem: str) -> dict[str, bytes]:
+def write_ply(result: FitData, stem: str) -> dict[str, bytes]:
     """One file, `stem.tube.ply`, binary, with double precision, which trimesh's own writer does not have."""
     import io
 

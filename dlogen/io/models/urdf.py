@@ -19,7 +19,7 @@ from dlogen.io.xml_text import HEADER, element, inertia, number, start
 
 if TYPE_CHECKING:
     from dlogen.multibody.model import Body, Joint, MultibodyModel
-    from dlogen.types import Array, Result
+    from dlogen.types import Array, FitData
 
 #: Wide enough not to matter; URDF wants limits on revolute joints.
 _EFFORT, _VELOCITY = 1000.0, 100.0
@@ -28,7 +28,7 @@ _EFFORT, _VELOCITY = 1000.0, 100.0
 _KEEP_FRAMES = ('<mujoco><compiler fusestatic="false"/></mujoco>',)
 
 
-def write(result: Result, stem: str) -> dict[str, bytes]:
+def write(result: FitData, stem: str) -> dict[str, bytes]:
     """One file, `stem.urdf`."""
     from dlogen.multibody.build import multibody
 

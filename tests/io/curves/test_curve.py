@@ -23,10 +23,10 @@ from dlogen.io.json_text import dump_json
 from dlogen.io.models import chain as chain_json
 from dlogen.io.models import urdf
 from dlogen.io.report import report_dict
-from dlogen.types import Result
+from dlogen.types import FitData
 
 
-def test_a_chain_is_its_joints_unless_the_skeleton_is_asked_for(result: Result, tmp_path: Path) -> None:
+def test_a_chain_is_its_joints_unless_the_skeleton_is_asked_for(result: FitData, tmp_path: Path) -> None:
     path = written(tmp_path, "cable.json", chain_json.write(result, "cable")["cable.json"])
     chain, named, skeleton = load_curve(path), load_curve(f"{path}#chain"), load_curve(f"{path}#skeleton")
     assert (chain.kind, chain.is_chain, chain.name) == ("chain", True, str(path))
@@ -46,12 +46,12 @@ def test_truth(tmp_path: Path) -> None:
     assert curve.length == pytest.approx(line.length, rel=1e-5)
 
 
-def test_a_report_is_told_from_a_chain(result: Result, tmp_path: Path) -> None:
+def test_a_report_is_told_from_a_chain(result: FitData, tmp_path: Path) -> None:
     error = refused(written(tmp_path, "cable.report.json", dump_json(report_dict(result))), "report")
     assert "NAME.json" in str(error.hint)
 
 
-def test_a_part_that_is_not_there(result: Result, tmp_path: Path) -> None:
+def test_a_part_that_is_not_there(result: FitData, tmp_path: Path) -> None:
     path = written(tmp_path, "cable.json", chain_json.write(result, "cable")["cable.json"])
     error = refused(f"{path}#joints", "'joints'")
     assert "chain, skeleton" in str(error.hint)
@@ -102,7 +102,7 @@ def test_missing_files_and_folders(tmp_path: Path) -> None:
     refused(tmp_path, "cannot read")
 
 
-def test_stdin(monkeypatch: pytest.MonkeyPatch, result: Result, tmp_path: Path) -> None:
+def test_stdin(monkeypatch: pytest.MonkeyPatch, result: FitData, tmp_path: Path) -> None:
     def pipe(data: bytes, terminal: bool = False) -> None:
         stream = SimpleNamespace(buffer=io.BytesIO(data), isatty=lambda: terminal)
         monkeypatch.setattr(sys, "stdin", stream)

@@ -12,13 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from dlogen.geometry.rotations import from_roll_pitch_yaw
 from dlogen.io.curves.curve import load_curve
-from dlogen.io.curves.serial_urdf import _rotation, link_origins
+from dlogen.io.curves.serial_urdf import link_origins
 from dlogen.io.models import urdf
-from dlogen.types import Result
+from dlogen.types import FitData
 
 
-def test_our_urdf_has_the_joints_of_the_chain(result: Result, tmp_path: Path) -> None:
+def test_our_urdf_has_the_joints_of_the_chain(result: FitData, tmp_path: Path) -> None:
     path = written(tmp_path, "cable.urdf", urdf.write(result, "cable")["cable.urdf"])
     curve = load_curve(path)
     assert (curve.kind, curve.is_chain) == ("urdf", True)
@@ -34,7 +35,7 @@ ARM = (
 
 
 @pytest.mark.oracle
-def test_forward_kinematics_is_that_of_yourdfpy(result: Result, tmp_path: Path) -> None:
+def test_forward_kinematics_is_that_of_yourdfpy(result: FitData, tmp_path: Path) -> None:
     yourdfpy = pytest.importorskip("yourdfpy")
     path = written(tmp_path, "arm.urdf", robot(*ARM))
     model = yourdfpy.URDF.load(str(path), load_meshes=False, build_scene_graph=True)
@@ -124,7 +125,7 @@ def test_urdf_that_is_no_serial_chain(tmp_path: Path, text: str, words: str) -> 
 @given(st.floats(-7.0, 7.0), st.floats(-7.0, 7.0), st.floats(-7.0, 7.0))
 def test_angles_are_about_fixed_axes(roll: float, pitch: float, yaw: float) -> None:
     expected = Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix()
-    assert np.allclose(_rotation(roll, pitch, yaw), expected, atol=1e-12)
+    assert np.allclose(from_roll_pitch_yaw(roll, pitch, yaw), expected, atol=1e-12)
 
 
 def test_it_needs_no_file() -> None:

@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from dlogen.geometry.rotations import hinges
 from dlogen.io.registry import model_format
 from dlogen.stages.chain import build_chain
-from dlogen.types import Joints, Result
+from dlogen.types import FitData, Joints
 
 Array = np.ndarray
 #: Joint values by pose -> (n + 1, 3) joints; made from the files of one model.
@@ -45,11 +45,11 @@ def chain_points(count: int, seed: int) -> Array:
 
 
 @pytest.fixture(scope="module")
-def case(make_result, straight) -> Callable[[tuple[int, int, str, str]], Result]:
+def case(make_result, straight) -> Callable[[tuple[int, int, str, str]], FitData]:
     template = make_result(straight([0, 0, 0], [1, 0, 0]))
 
     @cache
-    def make(settings: tuple[int, int, str, str]) -> Result:
+    def make(settings: tuple[int, int, str, str]) -> FitData:
         count, dof, zero, base = settings
         points = chain_points(count, count + dof)
         joints = Joints(np.linspace(0, 1, count + 1), points, 0.05, 0.02)
@@ -60,24 +60,24 @@ def case(make_result, straight) -> Callable[[tuple[int, int, str, str]], Result]
     return make
 
 
-def text(result: Result, name: str) -> str:
+def text(result: FitData, name: str) -> str:
     (content,) = model_format(name).write(result, "cable").values()
     return content.decode()
 
 
 @lru_cache
-def described(result: Result) -> dict[str, Any]:
+def described(result: FitData) -> dict[str, Any]:
     """What the JSON says."""
     return json.loads(text(result, "json"))
 
 
-def values(result: Result, pose: str) -> dict[str, float]:
+def values(result: FitData, pose: str) -> dict[str, float]:
     """Values of the hinges by name, as the JSON has them."""
     joints = described(result)["model"]["joints"]
     return {name: value for joint in joints for name, value in zip(joint["hinges"], joint[pose], strict=True)}
 
 
-def expected(result: Result, pose: str) -> Array:
+def expected(result: FitData, pose: str) -> Array:
     chain = result.chain
     if pose == "scanned":
         return chain.joints
@@ -85,11 +85,11 @@ def expected(result: Result, pose: str) -> Array:
     return chain.joints[0] + along[:, None] * chain.transforms[0, :3, 0]
 
 
-def names(result: Result) -> list[str]:
+def names(result: FitData) -> list[str]:
     return [link["name"] for link in described(result)["links"]]
 
 
-def check(result: Result, kinematics: Kinematics, tolerance: float = 1e-9) -> None:
+def check(result: FitData, kinematics: Kinematics, tolerance: float = 1e-9) -> None:
     for pose in ("scanned", "straight"):
         assert kinematics(pose) == pytest.approx(expected(result, pose), rel=0, abs=tolerance), pose
 

@@ -16,14 +16,14 @@ from dlogen.io.models.mjcf import MOST_SEGMENTS, write
 from dlogen.multibody.build import multibody
 from dlogen.multibody.model import MultibodyModel
 from dlogen.stages.chain import build_chain
-from dlogen.types import Joints, Result
+from dlogen.types import FitData, Joints
 
 mujoco = pytest.importorskip("mujoco")
 
 #: Radii of the presets' usual specimens, metres.
 RADII = {"vacuum-hose": 0.02, "network-cable": 0.003, "rope": 0.005, "silicone-tube": 0.006, "steel-wire": 0.0015}
 
-Make = Callable[..., Result]
+Make = Callable[..., FitData]
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,9 @@ def arc(make_result, straight) -> Make:
     """A horizontal chain of equal segments, 1 m long, that turns left and up by `bend` in all."""
     template = make_result(straight([0, 0, 0], [1, 0, 0]))
 
-    def make(count: int = 20, bend: float = 0.0, radius: float = 0.005, length: float = 1.0, **settings: Any) -> Result:
+    def make(
+        count: int = 20, bend: float = 0.0, radius: float = 0.005, length: float = 1.0, **settings: Any
+    ) -> FitData:
         angle = np.linspace(0, bend, count)
         steps = np.stack([np.cos(angle), 0.8 * np.sin(angle), 0.6 * np.sin(angle)], axis=1) * length / count
         points = np.cumsum(np.vstack([[0, 0, 1], steps]), axis=0)
@@ -48,7 +50,7 @@ def load(monkeypatch, tmp_path):
     """A model and its data; what MuJoCo has to complain about is an error."""
     monkeypatch.chdir(tmp_path)
 
-    def load_it(result: Result):
+    def load_it(result: FitData):
         (content,) = write(result, "cable").values()
         model = mujoco.MjModel.from_xml_string(content.decode())
         assert not list(tmp_path.iterdir())

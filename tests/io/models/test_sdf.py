@@ -12,19 +12,19 @@ from scipy.spatial.transform import Rotation
 
 from dlogen.io.models.sdf import write
 from dlogen.multibody.build import multibody
-from dlogen.types import Result
+from dlogen.types import FitData
 
 
 @pytest.fixture
-def result(make_result, helix) -> Result:
+def result(make_result, helix) -> FitData:
     return make_result(helix(0.3, 0.05, 4.0), 0.01, 0.005)
 
 
-def with_settings(result: Result, material: dict[str, object] | None = None, **joints: object) -> Result:
+def with_settings(result: FitData, material: dict[str, object] | None = None, **joints: object) -> FitData:
     return configured(result, joints=joints, material=material or {})
 
 
-def parsed(result: Result, stem: str = "cable") -> ElementTree.Element:
+def parsed(result: FitData, stem: str = "cable") -> ElementTree.Element:
     (name, content), *others = write(result, stem).items()
     assert name == f"{stem}.sdf"
     assert not others

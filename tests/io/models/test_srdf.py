@@ -13,22 +13,22 @@ from scipy.spatial.transform import Rotation
 from dlogen.io.models.srdf import write
 from dlogen.io.models.urdf import write as write_urdf
 from dlogen.multibody.build import multibody
-from dlogen.types import Result
+from dlogen.types import FitData
 
 
 @pytest.fixture
-def result(make_result, circle) -> Result:
+def result(make_result, circle) -> FitData:
     return make_result(circle(0.5, 3.0), 0.02, 0.005)
 
 
-def parsed(result: Result, stem: str = "cable") -> ElementTree.Element:
+def parsed(result: FitData, stem: str = "cable") -> ElementTree.Element:
     (name, content), *others = write(result, stem).items()
     assert name == f"{stem}.srdf"
     assert not others
     return ElementTree.fromstring(content)
 
 
-def with_joints(result: Result, **settings: object) -> Result:
+def with_joints(result: FitData, **settings: object) -> FitData:
     return configured(result, joints=settings)
 
 

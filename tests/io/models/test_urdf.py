@@ -20,19 +20,19 @@ from dlogen.io.models.urdf import write
 from dlogen.multibody.build import multibody
 from dlogen.stages.chain import build_chain
 from dlogen.stages.segmentation.joints import place_joints
-from dlogen.types import Result
+from dlogen.types import FitData
 
 mujoco = pytest.importorskip("mujoco")
 
 
-def text(result: Result, stem: str = "cable") -> str:
+def text(result: FitData, stem: str = "cable") -> str:
     (name, content), *others = write(result, stem).items()
     assert name == f"{stem}.urdf"
     assert not others
     return content.decode()
 
 
-def names(result: Result) -> list[str]:
+def names(result: FitData) -> list[str]:
     digits = max(2, len(str(len(result.chain.lengths))))
     return [f"segment_{i + 1:0{digits}d}" for i in range(len(result.chain.lengths))]
 
@@ -86,7 +86,7 @@ def load(request, tmp_path, caplog, monkeypatch):
     return lambda urdf: Mujoco(urdf, tmp_path, monkeypatch)
 
 
-def with_length(result: Result, length: float) -> Result:
+def with_length(result: FitData, length: float) -> FitData:
     """The same line with segments of this length."""
     from dataclasses import replace
 
@@ -281,7 +281,7 @@ def test_numbers_keep_all_their_digits(exact_line, make_result) -> None:
     assert not re.search(r'[" ]-0\.0[" ]', text(result))
 
 
-def with_settings(result: Result, **changes: dict[str, object]) -> Result:
+def with_settings(result: FitData, **changes: dict[str, object]) -> FitData:
     return configured(result, **changes)
 
 

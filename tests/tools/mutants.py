@@ -73,6 +73,7 @@ class Copy:
     def __init__(self, folder: Path, timeout: float) -> None:
         self.folder, self.timeout = folder, timeout
         self.process: subprocess.Popen[str] | None = None
+        self.done_with = False
         shutil.copytree(ROOT, folder, ignore=_LEFT_OUT, symlinks=True)
         self.environment = os.environ | {"PYTHONPATH": str(folder), "OPENBLAS_NUM_THREADS": "1"}
         where = [sys.executable, "-c", "import dlogen; print(dlogen.__file__)"]
@@ -89,6 +90,8 @@ class Copy:
 
     def run(self, tests: list[str], leave_out: set[str] = frozenset()) -> Ended:  # type: ignore[assignment]
         """Run these tests until one fails."""
+        if self.done_with:
+            raise KeyboardInterrupt
         # A file that cannot even be read is left out as a whole.
         tests = [test for test in tests if test not in leave_out]
         if not tests:
@@ -223,6 +226,7 @@ def main() -> int:
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
             for copy in made:
+                copy.done_with = True
                 copy.stop()
             pool.shutdown()
 

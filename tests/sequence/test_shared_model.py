@@ -190,6 +190,24 @@ class TestWithoutTime:
             np.tile(model.links, (19, 1))
         )
 
+    @pytest.mark.parametrize("lack", [0.006, -0.006])
+    @pytest.mark.parametrize("reverse", [False, True])
+    def test_what_a_capture_lacks_is_missing_at_both_ends_alike(self, lack: float, reverse: bool) -> None:
+        """Ends that are 3 mm short, or 3 mm long: all of it taken to be at one would move the chain by as much."""
+        made = recorded("hose", 6, 16, noise=0.0, end_noise=0.0, flips=False, duration=0.2)
+        captures = list(made.captures)
+        for k in (3, 8, 12):
+            points = captures[k].points
+            along = np.linspace(0.5 * lack, LENGTH - 0.5 * lack, 1000)
+            # Too long: the object goes on straight.
+            seen = Shape(points[None], np.array([LENGTH]), LENGTH, np.zeros(1)).points(along)[0]
+            captures[k] = observation(captures[k].name, seen[::-1] if reverse else seen)
+        model = shared_model(captures)
+        assert model.good.all()
+        assert model.reverse.tolist() == [reverse and k in (3, 8, 12) for k in range(16)]
+        error, _ = against_truth(model, made)
+        assert error.max() < 0.0005
+
     def test_no_order(self) -> None:
         made = recorded("loop", 6, 12, flips=False)
         one, two = shared_model(made.captures), shared_model(made.captures[:1] + made.captures[:0:-1])

@@ -36,6 +36,18 @@ def test_markers_of_missing_data_are_left_out(cloud, marker: float) -> None:
     assert (result.provenance["points"], result.provenance["points_used"]) == (5003, 5000)
 
 
+@pytest.mark.parametrize(("units", "scale"), [("m", 1.0), ("mm", 1e-3)])
+def test_a_cloud_in_its_sensors_frame_comes_to_the_world_in_metres(cloud, units: str, scale: float) -> None:
+    """The sensor stands at 2, -1, 0.5 m and looks down: z of the sensor is -z of the world."""
+    place, turn = np.array([2.0, -1.0, 0.5]), np.diag([1.0, -1.0, -1.0])
+    seen = dlogen.Cloud(cloud.points / scale, viewpoint=place / scale, orientation=np.array([0.0, 1.0, 0.0, 0.0]))
+    result = dlogen.fit(seen, {"units": units, "frame": {"use_viewpoint": True}})
+    assert result.frame.transform[:3, 3] == pytest.approx(place)
+    # Back in the sensor's frame the joints lie in the tube that was seen.
+    inside = (result.chain.joints - place) @ turn
+    assert cloud.truth.nearest(inside)[1].max() < 0.5 * cloud.radius
+
+
 def test_points_on_the_centre_line(cloud) -> None:
     points = cloud.truth.points(1000)
     with pytest.raises(FitError, match="no width") as refused:

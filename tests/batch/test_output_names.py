@@ -73,6 +73,13 @@ class TestUnique:
         with pytest.raises(UsageError, match="own files"):
             keys(item(f"{name}/x.ply"))
 
+    @pytest.mark.parametrize("stem", ["summary", "Summary", "SUMMARY"])
+    def test_the_batchs_own_files_where_letters_have_no_case(self, stem: str) -> None:
+        # The ending stays where there is one: Summary.ply.json is another file everywhere.
+        assert keys(item(f"{stem}.ply"), item(f"d/{stem}.ply")) == [f"{stem}.ply", f"d/{stem}"]
+        with pytest.raises(UsageError, match="own files"):
+            keys(Item(stem, stem))
+
     @settings(max_examples=60, deadline=None)
     @given(
         st.lists(

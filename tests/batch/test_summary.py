@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import statistics
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,14 @@ def test_of_nothing(tmp_path: Path) -> None:
     assert totals["clouds"] == 0
     assert totals["figures"]["length"] is None  # type: ignore[index]
     assert totals["failures"] == []
+
+
+@pytest.mark.parametrize("lengths", [[3.0], [3.0, 1.0], [9.0, 1.0, 4.0], [1.0, 7.0, 2.0, 5.0, 3.0]])
+def test_spread_of_few(tmp_path: Path, lengths: list[float]) -> None:
+    _, totals = summary(tmp_path, *(done(f"{i}", length) for i, length in enumerate(lengths)))
+    spread = totals["figures"]["length"]  # type: ignore[index]
+    expected = (min(lengths), statistics.median(lengths), max(lengths))
+    assert (spread["min"], spread["median"], spread["max"]) == expected
 
 
 def test_percentile_of_many(tmp_path: Path) -> None:

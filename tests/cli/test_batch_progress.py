@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
@@ -159,6 +160,19 @@ def test_limits_hold_for_what_was_done_before_as_well(setting: Setting, capsys: 
     with pytest.raises(DlogenError, match=r"1 of 3 clouds failed; max_deviation is above 0[.]01 for 1 "):
         setting.run_batch(pool, thresholds=limits)
     assert "1 x max_deviation is above 0.01: in/a.ply (0.02)" in capsys.readouterr().err
+
+
+def test_clouds_above_a_limit_are_not_all_named(setting: Setting, capsys: pytest.CaptureFixture[str]) -> None:
+    limits = [Threshold("length", 1.0)]
+    for count in (10, 11, 13):
+        pool = Said(*(good(key, length=2.0) for key in "abcdefghijklm"[:count]))
+        with pytest.raises(DlogenError, match=f"length is above 1 for {count}"):
+            Setting(setting.folder / str(count), setting.plan).run_batch(pool, thresholds=limits)
+        (said,) = (line for line in capsys.readouterr().err.splitlines() if " x length is above 1: " in line)
+        named = re.findall(r"in/\w[.]ply [(]2[)]", said)
+        assert len(named) == 10
+        left = re.search(r" and (\d+) more$", said)
+        assert len(named) + (int(left[1]) if left else 0) == count
 
 
 def test_strict_wants_good_models(setting: Setting, capsys: pytest.CaptureFixture[str]) -> None:

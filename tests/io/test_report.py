@@ -12,6 +12,7 @@ from dlogen.geometry.mdtw import mdtw
 from dlogen.geometry.polyline import distance_to_polyline
 from dlogen.io.json_text import dump_json
 from dlogen.io.report import chain_dict, mdtw_dict, report_dict
+from dlogen.multibody.build import multibody
 from dlogen.pipeline import fit
 from dlogen.types import Cloud, Finding, Quality
 
@@ -66,6 +67,13 @@ def test_mdtw_of_two_curves_by_hand() -> None:
     assert found["mean"] == found["max"] == pytest.approx(0.001)
     assert found["std"] == pytest.approx(0, abs=1e-12)
     assert found["path_length"] == 50
+
+
+@pytest.mark.parametrize("dof", [2, 3])
+def test_degrees_of_freedom_are_those_of_the_model(make_result, fitted, dof: int) -> None:
+    result = make_result(fitted(hose_centre_line()), config=Config.from_dict({"joints": {"dof": dof}}))
+    found = plain(report_dict(result))["segmentation"]
+    assert found["dof"] == len(multibody(result).hinge_names) == dof * (found["segment_count"] - 1)
 
 
 def test_timings_can_be_left_out(make_result, fitted) -> None:

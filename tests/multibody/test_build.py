@@ -147,6 +147,20 @@ class TestLimits:
         with pytest.raises(ConfigError, match=r"min_bend_radius = 0.31 m, but the scan is bent to 0.3 m at joint \d"):
             build_model(chain, JointSettings(min_bend_radius=0.31), Material())
 
+    @pytest.mark.parametrize("last", [0.02, 0.05, 0.1])
+    @pytest.mark.parametrize("zero", ["scan", "straight"])
+    def test_chords_of_unlike_length_on_a_circle_are_just_allowed(self, last: float, zero: str) -> None:
+        """The last segment of most chains is shorter: its chord turns by less against the one before."""
+        lengths = np.array([0.1, 0.1, 0.1, last])
+        ends = np.concatenate([[0.0], np.cumsum(2.0 * np.arcsin(lengths / (2 * 0.3)))])
+        chain = chain_of(0.3 * np.stack([np.cos(ends), np.sin(ends), 0.0 * ends], axis=1))
+        assert chain.lengths == pytest.approx(lengths)
+        model = build_model(chain, JointSettings(zero=zero, min_bend_radius=0.3), Material())
+        for joint, here, there in zip(model.joints, chain.transforms[:-1], chain.transforms[1:], strict=True):
+            bend = math.acos(here[:3, 0] @ there[:3, 0])
+            assert joint.bend_limit == pytest.approx(bend, rel=1e-6)
+            assert joint.upper - joint.straight == pytest.approx([bend, bend], rel=1e-6)
+
     @given(st.integers(0, 100), st.sampled_from(["scan", "straight"]), st.sampled_from([2, 3]))
     def test_both_poses_are_inside(self, seed: int, zero: str, dof: int) -> None:
         settings = JointSettings(dof, "fixed", zero, "straight", 0.005)

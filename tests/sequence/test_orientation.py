@@ -146,6 +146,18 @@ def test_what_moves_too_far_is_not_clear() -> None:
         assert unclear_directions(curves, np.arange(4.0)).tolist() == unclear, turn
 
 
+@pytest.mark.parametrize("times", [[0.0, 1.0, 2.0, 3.0, 4.0], [0.0, 0.2, 2.0, 2.3, 4.0], [0.0, 1.9, 2.1, 3.9, 4.0]])
+def test_steady_motion_is_clear_however_uneven_the_times(times: list[float]) -> None:
+    """A rod that goes on at one speed, whatever the way: its velocity tells which end is first."""
+    rod = np.stack([PLACES, 0 * PLACES, 0 * PLACES], axis=1)
+    for way, speed in (([1.0, 0.0, 0.0], 0.3), ([0.0, 1.0, 0.0], 0.1), ([0.0, 0.0, -1.0], 0.3)):
+        curves = rod + np.array(times)[:, None, None] * speed * np.array(way)
+        assert unclear_directions(curves, np.array(times)).tolist() == []
+        # One capture alone the other way round is not clear at either of its sides.
+        curves[2] = curves[2, ::-1]
+        assert {2, 3} <= set(unclear_directions(curves, np.array(times)).tolist())
+
+
 def test_directions_of_few_captures() -> None:
     curves = np.stack([PLACES, 0 * PLACES, 0 * PLACES], axis=1)[None] + np.zeros((2, 1, 1))
     assert unclear_directions(curves[:1], np.zeros(1)).tolist() == []

@@ -141,6 +141,25 @@ class TestDeviation:
         joints = np.linspace([0.0, 0.003, 0.004], [1.0, 0.003, 0.004], 5)[None]
         assert deviations(shape, joints, links) == pytest.approx([0.005])
 
+    @pytest.mark.parametrize("joint", range(5))
+    def test_of_one_joint_off_the_curve(self, joint: int) -> None:
+        """Before and behind it the chain comes back to the curve: nothing but that joint is so far away."""
+        curve = np.linspace([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], 1000)
+        joints = np.linspace([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], 5)
+        joints[joint] += [0.0, 0.03, -0.04]
+        links = np.linalg.norm(np.diff(joints, axis=0), axis=1)
+        shape = Shape(curve[None], np.array([1.0]), float(links.sum()), np.array([0.5 * (links.sum() - 1.0)]))
+        found = deviations(shape, joints[None], links)[0]
+        assert 0.05 <= found < 0.051
+        assert found >= hausdorff(curve, joints)
+
+    def test_of_ends_that_go_past_those_of_the_curve(self) -> None:
+        # The curve is all of the object, but the chain stands out at one end: there no place of the curve is so far.
+        curve = np.linspace([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], 1000)
+        for shift in (0.01, -0.01):
+            joints = np.linspace([shift, 0.0, 0.0], [1.0 + shift, 0.0, 0.0], 5)[None]
+            assert deviations(shape_of([curve], 1.0), joints, equal_links(1.0, 4)) == pytest.approx([0.01])
+
 
 class TestFewest:
     def test_one_less_is_too_few(self) -> None:

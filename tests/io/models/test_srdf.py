@@ -5,8 +5,10 @@ from __future__ import annotations
 from itertools import pairwise
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from configured import configured
+from scipy.spatial.transform import Rotation
 
 from dlogen.io.models.srdf import write
 from dlogen.io.models.urdf import write as write_urdf
@@ -55,6 +57,15 @@ def test_states(result, zero) -> None:
     for name, expected in (("scanned", model.scanned), ("straight", model.straight)):
         found = {joint.get("name"): float(joint.get("value")) for joint in states[name].findall("joint")}
         assert found == dict(zip(model.hinge_names, expected.ravel().tolist(), strict=True))
+
+
+def test_a_floating_base_stays_where_its_joint_has_it(result) -> None:
+    """MoveIt's variables of a floating joint: trans_x, trans_y, trans_z, rot_x, rot_y, rot_z, rot_w."""
+    for state in parsed(with_joints(result, base="floating")).findall("group_state"):
+        (base,) = (joint for joint in state.findall("joint") if joint.get("name") == "base_joint")
+        values = [float(word) for word in base.get("value", "").split()]
+        assert values[:3] == [0.0, 0.0, 0.0]
+        assert Rotation.from_quat(values[3:]).as_matrix() == pytest.approx(np.eye(3))  # scipy has w last as well
 
 
 def test_collisions_of_one_bend_are_off(result) -> None:

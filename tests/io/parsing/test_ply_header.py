@@ -96,6 +96,13 @@ def test_places_and_sizes() -> None:
     assert points.names == ["x", "y"]
 
 
+def test_the_line_that_is_wrong_is_named() -> None:
+    lines = ["comment one", *vertex(1, "x"), "property real y"]
+    for end in ("\n", "\r\n", "\r"):
+        with pytest.raises(InputError, match=r"line 6 \('property real y'\): unknown type 'real'"):
+            read_header(io.BytesIO(header("ascii", *lines, end=end)))
+
+
 def test_other_files() -> None:
     with pytest.raises(InputError, match="its first line is 'solid', not 'ply'"):
         read_header(io.BytesIO(b"solid\nfacet"))

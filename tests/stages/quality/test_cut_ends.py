@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,10 @@ def test_oblique_ends_are_found_and_square_ones_are_not(sampling: dict[str, Any]
         for finding in oblique:
             assert finding.severity == "doubtful" and finding.s in (0.0, 1.0)
             assert np.linalg.norm(np.array(finding.position) - line(0.9)[0]) < 2 * RADIUS
+            said = re.search(r"the (first|last) end is cut off at (\d+) degrees", finding.message)
+            assert said is not None
+            assert said[1] == ("first" if finding.s == 0.0 else "last")
+            assert float(said[2]) == pytest.approx(45.0, abs=12.0)
         found.append(len(oblique))
     # Where few points happen to lie at the edge, it cannot be told.
     assert sum(found) >= 4 and max(found) == 1

@@ -134,6 +134,18 @@ def test_the_best_smoothing_is_twice_the_likeliest(curve: TubeCurve, sums: Norma
     assert problem.best(best.smoothing).log_lambda == pytest.approx(likeliest + 0.3, abs=0.1)
 
 
+@pytest.mark.parametrize("off", [-2.0, 0.0, 2.0])
+def test_the_smoothing_settles_from_step_to_step(curve: TubeCurve, sums: NormalEquations, off: float) -> None:
+    """Each step of the fit starts from the smoothing of the one before: it must come to the best one, and not drift."""
+    problem = Linearisation(curve, sums, True)
+    best = problem.best().log_lambda
+    solution = problem.solve(best + off)
+    for _ in range(12):
+        solution = problem.best(solution.smoothing)
+    assert solution.log_lambda == pytest.approx(best, abs=0.25)
+    assert problem.best(solution.smoothing).log_lambda == pytest.approx(solution.log_lambda, abs=0.01)
+
+
 def test_how_far_a_step_moves_the_distances(curve: TubeCurve, sums: NormalEquations) -> None:
     problem = Linearisation(curve, sums, True)
     solution = problem.solve(-1.0)

@@ -25,7 +25,7 @@ from dlogen.stages.quality.checks import check_deviation, check_line, explained
 from dlogen.stages.quality.residual import tube_residual
 from dlogen.stages.segmentation.segment import segment
 from dlogen.stages.segmentation.specification import SegmentationSpec, allowed_deviation
-from dlogen.types import Cloud, Finding, FittedLine, Frame, Quality, Segmentation
+from dlogen.types import Chain, Cloud, Finding, FittedLine, Frame, Mdtw, Quality, Segmentation
 
 #: Points of the skeleton line in the outputs.
 SKELETON_POINTS = 1000
@@ -63,7 +63,6 @@ def fit(
     config = config if isinstance(config, Config) else Config.from_dict(config or {})
     cloud = cloud if isinstance(cloud, Cloud) else clean(cloud)
     clock = Clock()
-
     with clock.stage("input"):
         prepared, frame, far = _prepared(cloud, config)
     line = _skeleton_line(prepared.cloud, config, clock)  # III.B, III.C
@@ -77,24 +76,8 @@ def fit(
         findings = (*line.findings, *check_left_out(far), *_checked(line, segmentation, e_max))
     chosen = {**line.chosen, "units": prepared.units, "e_max": e_max, "segmentation.criterion": spec.criterion}
     resolved = config.resolved(chosen)
-    result = Result(
-        name=name or _stem(cloud),
-        profile=config.profile,
-        skeleton=line.skeleton,
-        skeleton_points=line.skeleton(even_parameters(line.skeleton, SKELETON_POINTS)),
-        segmentation=segmentation,
-        joints=segmentation.joints,
-        chain=chain,
-        e_max=e_max,
-        max_deviation=segmentation.deviation,
-        mdtw=error,
-        residual=tube_residual(line.distance[line.on_tube], line.radius),
-        quality=Quality(findings),
-        config=resolved,
-        provenance=_provenance(cloud, len(prepared.cloud), resolved),
-        timings=clock.seconds,
-        intermediates=line.intermediates,
-    )
+    provenance = _provenance(cloud, len(prepared.cloud), resolved)
+    result = _result(name or _stem(cloud), line, segmentation, chain, error, findings, resolved, provenance, clock)
     return in_frame(result, frame, prepared.centre)
 
 
@@ -134,6 +117,38 @@ def _checked(line: FittedLine, segmentation: Segmentation, e_max: float) -> list
         *check_line(line.skeleton, line.radius, line.distance, line.on_tube, bend),
         *check_deviation(line.skeleton, segmentation, e_max),
     ]
+
+
+def _result(
+    name: str,
+    line: FittedLine,
+    segmentation: Segmentation,
+    chain: Chain,
+    error: Mdtw,
+    findings: tuple[Finding, ...],
+    config: Config,
+    provenance: dict[str, Any],
+    clock: Clock,
+) -> Result:
+    """What the stages made, in one place; `config` is the resolved one."""
+    return Result(
+        name=name,
+        profile=config.profile,
+        skeleton=line.skeleton,
+        skeleton_points=line.skeleton(even_parameters(line.skeleton, SKELETON_POINTS)),
+        segmentation=segmentation,
+        joints=segmentation.joints,
+        chain=chain,
+        e_max=float(config.e_max),
+        max_deviation=segmentation.deviation,
+        mdtw=error,
+        residual=tube_residual(line.distance[line.on_tube], line.radius),
+        quality=Quality(findings),
+        config=config,
+        provenance=provenance,
+        timings=clock.seconds,
+        intermediates=line.intermediates,
+    )
 
 
 def _stem(cloud: Cloud) -> str:

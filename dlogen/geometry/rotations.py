@@ -1,6 +1,6 @@
 """Rotations: hinges about the axes of a segment, angles and quaternions as the formats write them, smallest ones.
 
-By hand, not by `scipy.spatial.transform.Rotation`: that takes 4 to 25 times as long for one rotation (60 microseconds
+By hand, not by `scipy.spatial.transform.Rotation`: that takes 3 to 25 times as long for one rotation (60 microseconds
 for roll, pitch and yaw, 14 for a hinge; here 2 and 2), and models have thousands. It rounds in another order, too: a
 third of the quaternions and nearly all angles differ in their last digits, which the files have. The tests compare the
 two.

@@ -44,10 +44,12 @@ class Outputs:
         Raises:
             UsageError: there is no such format, or none is named.
         """
-        known = [item.name for item in model_formats()]
-        names = known if formats == "all" else [name.strip() for name in formats.split(",") if name.strip()]
+        if formats == "all":
+            return cls(tuple(item.name for item in model_formats()), plot)
+        names = [name.strip() for name in formats.split(",") if name.strip()]
         if not names:
-            raise UsageError("no model format is named", f"known: {', '.join(known)}")
+            known = ", ".join(item.name for item in model_formats())
+            raise UsageError("no model format is named", f"known: {known}")
         return cls(tuple(dict.fromkeys(names)), plot)
 
     @classmethod

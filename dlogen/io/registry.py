@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 from dlogen.errors import UsageError
 from dlogen.io import clouds, models
@@ -74,40 +75,52 @@ class ModelFormat:
 @cache
 def registered() -> tuple[CloudFormat | ModelFormat, ...]:
     """All formats, in the order of their names."""
-    found: list[CloudFormat | ModelFormat] = []
-    for room in (clouds, models):
-        for module in sorted(info.name for info in pkgutil.iter_modules(room.__path__)):
-            imported = importlib.import_module(f"{room.__name__}.{module}")
-            found += [imported.FORMAT] if hasattr(imported, "FORMAT") else getattr(imported, "FORMATS", ())
-    return tuple(sorted(found, key=lambda item: item.name))
+    return tuple(sorted((*cloud_formats(), *model_formats()), key=lambda item: item.name))
 
 
 @cache
 def cloud_formats() -> tuple[CloudFormat, ...]:
-    """The formats that clouds can be read from and written to."""
-    return tuple(item for item in registered() if isinstance(item, CloudFormat))
+    """The formats that clouds can be read from and written to, in the order of their names."""
+    return tuple(sorted(_all_in(clouds), key=lambda item: item.name))
 
 
 @cache
 def model_formats() -> tuple[ModelFormat, ...]:
-    """The formats that models can be written to."""
-    return tuple(item for item in registered() if isinstance(item, ModelFormat))
+    """The formats that models can be written to, in the order of their names."""
+    return tuple(sorted(_all_in(models), key=lambda item: item.name))
 
 
 @cache
 def model_format(name: str) -> ModelFormat:
-    """The model format of that name.
+    """The model format of that name. No more modules are imported than it takes to find it.
 
     Raises:
         UsageError: there is none.
     """
+    names = _modules_of(models)
+    # Most formats are called as their module is.
+    for module in sorted(names, key=lambda own: own != name):
+        for item in _formats_of(models, module):
+            if isinstance(item, ModelFormat) and item.name == name:
+                return item
     import difflib
 
-    known = {item.name: item for item in model_formats()}
-    if name not in known:
-        near = difflib.get_close_matches(name, known, n=1)
-        raise UsageError(
-            f"unknown model format {name!r}",
-            f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}",
-        )
-    return known[name]
+    known = [item.name for item in model_formats()]
+    near = difflib.get_close_matches(name, known, n=1)
+    raise UsageError(
+        f"unknown model format {name!r}", f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
+    )
+
+
+def _all_in(room: ModuleType) -> Iterator[Any]:
+    for module in _modules_of(room):
+        yield from _formats_of(room, module)
+
+
+def _modules_of(room: ModuleType) -> list[str]:
+    return sorted(info.name for info in pkgutil.iter_modules(room.__path__))
+
+
+def _formats_of(room: ModuleType, module: str) -> tuple[Any, ...]:
+    imported = importlib.import_module(f"{room.__name__}.{module}")
+    return (imported.FORMAT,) if hasattr(imported, "FORMAT") else tuple(getattr(imported, "FORMATS", ()))

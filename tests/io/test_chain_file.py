@@ -284,6 +284,17 @@ class TestRefusals:
             holder[key] = wrong
         assert "finite" in refused(place, whole).message
 
+    def test_the_width_of_the_papers_functions(self, data: dict[str, Any], place: Path) -> None:
+        with opened(data, ("skeleton", "basis", "kind")) as (basis, _, whole):
+            basis.update(kind="inverse-quadratic", tau=5.25)
+        place.write_text(json.dumps(whole))
+        assert load_chain(place).skeleton.basis.to_dict()["tau"] == 5.25
+        for wrong in (float("nan"), float("inf"), None):
+            basis["tau"] = wrong
+            refused(place, whole)
+        del basis["tau"]
+        assert "'tau'" in refused(place, whole).message
+
     @settings(deadline=None, max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
     @given(draw=st.data())
     def test_anything_anywhere(self, draw: st.DataObject, data: dict[str, Any], place: Path) -> None:

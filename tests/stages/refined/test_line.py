@@ -1,99 +1,159 @@
-"""The line of the profile refined: rows that belong together, what it chose, and what it stops at."""
+"""The stages of the profile refined one after another: what they choose, leave behind, and say when they fail."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
-import dlogen.stages.refined.line as line_module
 from dlogen.config.schema import Config
 from dlogen.errors import ConfigError, FitError
-from dlogen.evaluation.shapes import random_centre_line
-from dlogen.evaluation.synthetic import sample_tube
+from dlogen.evaluation.shapes import loop_centre_line
+from dlogen.evaluation.synthetic import SyntheticCloud, sample_tube
 from dlogen.stages.clock import Clock
-from dlogen.stages.quality.checks import check_followed
-from dlogen.stages.refined.line import refined_line
-from dlogen.stages.refined.refine import refine
-from dlogen.types import Cloud
+from dlogen.stages.prepare import prepare
+from dlogen.stages.refined.line import _PAPER_ONLY, refined_line
+from dlogen.types import Cloud, FittedLine
+
+#: Strays far from the tube, after its points.
+STRAYS = 100
 
 
 @pytest.fixture(scope="module")
-def made(tube):
+def cloud(tube: SyntheticCloud) -> Cloud:
+    rng = np.random.default_rng(4)
+    low, high = tube.points.min(axis=0), tube.points.max(axis=0)
+    strays = rng.uniform(low, high, (40 * STRAYS, 3))
+    strays = strays[tube.truth.nearest(strays)[1] > 0.05][:STRAYS]
+    return prepare(Cloud(np.vstack([tube.points, strays])), "m").cloud
+
+
+@pytest.fixture(scope="module")
+def timed(cloud: Cloud) -> tuple[FittedLine, Clock]:
     clock = Clock()
-    return refined_line(Cloud(tube.points), Config(), clock), clock
+    return refined_line(cloud, Config(), clock), clock
 
 
-def test_it_is_the_axis_and_the_radius(made, tube) -> None:
-    line, _ = made
-    assert line.radius == pytest.approx(tube.radius, rel=0.01)
-    assert tube.truth.nearest(line.skeleton(np.linspace(0.01, 0.99, 200)))[1].max() < 5e-6
+def codes(line: FittedLine) -> list[str]:
+    return [finding.code for finding in line.findings]
+
+
+def test_the_line_is_the_axis_from_end_to_end(
+    timed: tuple[FittedLine, Clock], cloud: Cloud, tube: SyntheticCloud
+) -> None:
+    line, _ = timed
+    moved = tube.points[0] - cloud.points[0]
+    distance = tube.truth.nearest(line.skeleton(np.linspace(0, 1, 200)) + moved)[1]
+    assert distance.mean() < 1e-4 and distance.max() < 1e-3
     assert line.skeleton.length == pytest.approx(tube.truth.length, rel=2e-3)
+    assert line.radius == pytest.approx(0.015, rel=0.01)
+
+
+def test_what_was_chosen_stands_under_its_dotted_key(timed: tuple[FittedLine, Clock]) -> None:
+    line, _ = timed
     assert line.chosen == {"r": line.radius, "N": line.skeleton.basis.size}
 
 
-def test_rows_belong_to_their_points(made, tube) -> None:
-    line, _ = made
-    expected = tube.truth.nearest(tube.points)[1]
-    assert line.distance == pytest.approx(expected, abs=3e-4)
-    assert line.on_tube.shape == (5000,)
+def test_stages_and_what_they_leave_are_in_order(timed: tuple[FittedLine, Clock], cloud: Cloud) -> None:
+    line, clock = timed
+    assert list(clock.seconds) == ["scale", "ordering", "refine"]
     ordering, on, off = line.intermediates
     assert [item.name for item in line.intermediates] == ["ordering", "tube", "off_tube"]
-    # Along the line, each point with its own coordinate and residual.
+    assert len(ordering.points) > 20
+    assert len(on.points) + len(off.points) == len(cloud.points)
+    assert on.colour == "s" and off.colour is None
     s = on.columns["s"]
-    assert (np.diff(s) >= 0.0).all()
-    apart = np.linalg.norm(on.points - line.skeleton(s), axis=1)
-    assert apart == pytest.approx(line.radius + on.columns["residual"], abs=1e-5)
-    assert len(on.points) + len(off.points) == 5000
-    assert tube.truth.nearest(ordering.points)[1].max() < tube.radius
+    assert (np.diff(s) >= 0).all() and s[0] < 0.01 and s[-1] > 0.99
+    # Each point has its own residual and place, although they have been sorted.
+    foot = line.skeleton(s)
+    away = np.linalg.norm(on.points - foot, axis=1)
+    inside = (s > 0.0) & (s < 1.0)
+    np.testing.assert_allclose(away[inside], line.radius + on.columns["residual"][inside], atol=2e-5)
+    # As many strays as there are, and none of them on the tube.
+    np.testing.assert_array_equal(off.points, cloud.points[~line.on_tube])
+    np.testing.assert_allclose(off.columns["residual"], line.distance[~line.on_tube] - line.radius, atol=1e-12)
+    assert not line.on_tube[-STRAYS:].any()
+    assert line.on_tube[:-STRAYS].mean() > 0.99
 
 
-def test_a_stretch_that_the_line_misses_is_told_by_distances_from_the_line(monkeypatch) -> None:
-    """A fit that stops half way, on a tube whose points are all one radius from their axis."""
-    cloud = sample_tube(random_centre_line(3, clearance=0.08), 0.015, 5000, 3)
-    given: list[np.ndarray] = []
-
-    def short(points, backbone, radius, **options):
-        kept = backbone[: len(backbone) // 2]
-        # Another stage goes on as if nothing was missing.
-        return refine(points, kept, radius, **options)
-
-    def check(points, backbone, distance, radius):
-        given.append(distance)
-        return check_followed(points, backbone, distance, radius)
-
-    monkeypatch.setattr(line_module, "refine", short)
-    monkeypatch.setattr(line_module, "check_followed", check)
-    line = refined_line(Cloud(cloud.points), Config(), Clock())
-    assert "points-not-reached" in {item.code for item in line.findings}
-    (distance,) = given
-    fitted = line.skeleton(np.linspace(0.0, 1.0, 4001))
-    true = cKDTree(fitted).query(cloud.points)[0]
-    # Beyond its end the fit goes on straight for a while.
-    near = true < 2.0 * 0.015
-    assert near.mean() > 0.4
-    assert distance[near] == pytest.approx(true[near], abs=2e-3)
-    assert np.median(distance[near]) == pytest.approx(0.015, rel=0.02)
+def test_distances_are_those_to_a_dense_line(timed: tuple[FittedLine, Clock], cloud: Cloud) -> None:
+    line, _ = timed
+    dense = line.skeleton(np.linspace(0.0, 1.0, 20_000))
+    some = np.flatnonzero(line.on_tube)[::50]
+    expected = np.linalg.norm(cloud.points[some, None] - dense, axis=2).min(axis=1)
+    np.testing.assert_allclose(line.distance[some], expected, atol=1e-5)
+    assert line.distance.shape == line.on_tube.shape == (len(cloud.points),)
 
 
-def test_every_stage_is_timed(made) -> None:
-    assert list(made[1].seconds) == ["scale", "ordering", "refine"]
+def test_a_given_radius_stays(cloud: Cloud) -> None:
+    line = refined_line(cloud, Config(r=0.0153), Clock())
+    assert line.radius == line.chosen["r"] == 0.0153
+    assert "radius-mismatch" not in codes(line)
 
 
-def test_a_given_radius_is_kept(tube) -> None:
-    line = refined_line(Cloud(tube.points), Config().resolved({"r": 0.0148}), Clock())
-    assert line.radius == 0.0148
-    assert line.chosen["r"] == 0.0148
+def test_a_wrong_radius_is_said(cloud: Cloud) -> None:
+    assert "radius-mismatch" in codes(refined_line(cloud, Config(r=0.02), Clock()))
 
 
-def test_what_cannot_be(tube) -> None:
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({}, None),
+        ({"e_max": 0.003, "joints.dof": 3, "seed": 3}, None),
+        ({"beta": 0.1}, "beta"),
+        ({"r_n": 0.1, "normals.neighbours": 20, "sorting.start": 3}, "r_n, normals.neighbours, sorting.start"),
+    ],
+)
+def test_settings_that_are_not_used_are_said(changes: dict[str, float], named: str | None, cloud: Cloud) -> None:
+    line = refined_line(cloud, Config().replace(changes), Clock())
+    found = [finding for finding in line.findings if finding.code == "settings-not-used"]
+    assert [finding.message.rsplit(": ", 1)[1] for finding in found] == ([] if named is None else [named])
+
+
+def test_they_are_settings_that_there_are() -> None:
+    for key in _PAPER_ONLY:
+        Config().value(key)
+    # Those that it does use are not among them.
+    assert not {"r", "e_max", "units", "profile"} & {*_PAPER_ONLY}
+
+
+def test_a_radius_that_cannot_be_names_its_stage(cloud: Cloud) -> None:
+    clock = Clock()
     with pytest.raises(ConfigError, match="more than the whole cloud") as caught:
-        refined_line(Cloud(tube.points), Config().resolved({"r": 100.0}), Clock())
+        refined_line(cloud, Config(r=5.0), clock)
     assert caught.value.stage == "scale"
-    plane = np.random.default_rng(0).random((3000, 3)) * [1.0, 1.0, 1e-3]
-    try:
-        findings = refined_line(Cloud(plane), Config(), Clock()).findings
-    except FitError as error:
-        assert error.stage in ("ordering", "refine", "scale")
-    else:
-        assert "not-a-line" in {item.code for item in findings}
+    assert list(clock.seconds) == ["scale"]
+
+
+def test_a_failure_of_the_fit_is_explained_by_what_was_wrong_before(
+    cloud: Cloud, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from dlogen.stages.quality.findings import CLOSED_RING
+    from dlogen.stages.refined import line as module
+
+    def failing(*args: object, **kwargs: object) -> None:
+        raise FitError("the tube is lost")
+
+    monkeypatch.setattr(module, "refine", failing)
+    with pytest.raises(FitError, match="the tube is lost") as caught:
+        refined_line(cloud, Config(), Clock())
+    assert caught.value.stage == "refine"
+
+    order = module.order
+
+    def with_a_ring(*args: object) -> object:
+        from dataclasses import replace
+
+        found = order(*args)
+        return replace(found, findings=(*found.findings, CLOSED_RING.found("a ring has no ends", "bad")))
+
+    monkeypatch.setattr(module, "order", with_a_ring)
+    with pytest.raises(FitError, match="no chain can be made of this cloud: a ring has no ends") as caught:
+        refined_line(cloud, Config(), Clock())
+    assert isinstance(caught.value.__cause__, FitError) and caught.value.__cause__.message == "the tube is lost"
+
+
+def test_strands_that_touch_are_said_once() -> None:
+    touching = sample_tube(loop_centre_line(1.4, 2.02 * 0.012), 0.012, 4000, 3)
+    line = refined_line(prepare(Cloud(touching.points), "m").cloud, Config(), Clock())
+    found = codes(line)
+    assert len(set(found)) == len(found), found

@@ -23,9 +23,12 @@ def helix(arc: np.ndarray) -> np.ndarray:
 
 
 def parabola(intervals: int, peak: float = 0.0) -> TubeCurve:
-    """(u, u^2, 0) for u from -1 - peak to 1 - peak: curvature 2 where u = 0, which is at x / n = (1 + peak) / 2."""
+    """(u, u^2, 0) for u from -1 - peak to 1 - peak: curvature 2 where u = 0, which is at x / n = (1 + peak) / 2.
+
+    Its parameter is not arc length: at the vertex the speed is 2.
+    """
     u = np.linspace(-1.0 - peak, 1.0 - peak, 6 * intervals + 1)
-    return through(np.stack([u, u**2, 0 * u]), intervals, 2.0 / intervals)
+    return through(np.stack([u, u**2, 0 * u]), intervals, 1.0 / intervals)
 
 
 class TestOutputCurve:
@@ -94,6 +97,10 @@ class TestSharpestBend:
         assert place == pytest.approx(end, abs=5e-3)
 
 
+#: How much x, y and z of a coefficient scatter, so that it matters which way the bend points.
+SHARES = np.array([1.0, 0.3, 4.0])
+
+
 def tube_of(curve: TubeCurve, sigma: float, solution: Solution | None) -> Tube:
     nothing = np.zeros(0)
     return Tube(curve, 0.01, sigma, nothing, nothing, solution=solution)
@@ -102,10 +109,10 @@ def tube_of(curve: TubeCurve, sigma: float, solution: Solution | None) -> Tube:
 class TestCurvatureStd:
     @staticmethod
     def solution(curve: TubeCurve, deviation: float) -> Solution:
-        """As if every coefficient were uncertain by that much, independently: the factor of I / deviation^2."""
+        """As if all coefficients were uncertain by that much times `SHARES`, independently of one another."""
         size = curve.coefficients.size
         factor = np.zeros((12, size))
-        factor[0] = 1.0 / deviation
+        factor[0] = 1.0 / (deviation * np.tile(SHARES, size // 3))
         return Solution(curve, 0.0, 0.0, 0.0, 0.0, factor, np.zeros(size), 1.0, np.zeros(size))
 
     def test_without_a_solution_there_is_none(self, curve: TubeCurve) -> None:
@@ -120,7 +127,7 @@ class TestCurvatureStd:
         bends = []
         for _ in range(3000):
             moved = TubeCurve(
-                curve.coefficients + sigma * deviation * rng.normal(size=curve.coefficients.shape), curve.step
+                curve.coefficients + sigma * deviation * SHARES * rng.normal(size=curve.coefficients.shape), curve.step
             )
             first, second = moved([x], 1)[0], moved([x], 2)[0]
             bends.append(np.linalg.norm(np.cross(first, second)) / np.linalg.norm(first) ** 3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -28,9 +29,15 @@ class TestCases:
     def test_the_cloud_is_what_its_name_says(self, case: Case) -> None:
         points, line = module._cloud(case, 5)
         strays = case.sampling.get("stray_fraction", 0.0)
+        if said := re.search(r"(\d+) % strays", case.name):
+            assert strays == int(said[1]) / 100
         assert len(points) == case.count
         distance = line.nearest(points)[1]
         noise = case.sampling.get("noise", 0.0)
+        if said := re.search(r"noise (\d+) mm", case.name):
+            assert noise == int(said[1]) / 1000
+        elif "no noise" in case.name:
+            assert noise == 0.0
         off = np.abs(distance - case.radius) > 6.0 * noise + 1e-6
         assert off.mean() == pytest.approx(strays, abs=0.02)
         s = line.nearest(points[~off])[0]
@@ -69,10 +76,10 @@ class TestAccuracy:
         start, end = truth(np.array([0.0, 1.0]))
         across = np.cross(end - start, [1.0, 2.0, 3.0])
         across *= 0.003 / np.linalg.norm(across)
-        found = accuracy(make_result(straight(start + across, end - across), 0.02), truth, 0.02)
-        # From 3 mm on one side to 3 mm on the other.
+        found = accuracy(make_result(straight(start + across, end - 0.2 * across), 0.02), truth, 0.02)
+        # From 3 mm on one side to 0.6 mm on the other; the median would be 1.2 mm.
         assert found.max == pytest.approx(0.003, rel=1e-6)
-        assert found.mean == pytest.approx(0.0015, rel=1e-2)
+        assert found.mean == pytest.approx((3.0**2 + 0.6**2) / (2 * 3.6) * 1e-3, rel=1e-2)
         assert np.isnan(found.curvature), "of a straight line there is no relative error"
 
 

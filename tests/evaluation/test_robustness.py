@@ -53,16 +53,16 @@ class TestCases:
 
 class TestAccuracy:
     @pytest.fixture
-    def exact(self, make_result: Callable[..., Result], exact_line: Callable[..., Skeleton]) -> Result:
+    def exact(self, make_result: Callable[..., FitData], exact_line: Callable[..., Skeleton]) -> FitData:
         return make_result(exact_line(centre_line("helical")), 0.02)
 
-    def test_of_the_truth_there_is_no_error(self, exact: Result) -> None:
+    def test_of_the_truth_there_is_no_error(self, exact: FitData) -> None:
         found = accuracy(exact, centre_line("helical"), 0.02)
         assert found.mean < 1e-6 and found.max < 1e-5
         assert [found.length, found.radius] == pytest.approx([0.0, 0.0], abs=1e-6)
         assert found.curvature == pytest.approx(0.0, abs=1e-3)
 
-    def test_each_error_is_relative_to_the_truth(self, exact: Result) -> None:
+    def test_each_error_is_relative_to_the_truth(self, exact: FitData) -> None:
         """A line that is a tenth too large, and moved."""
         line = exact.skeleton
         large = replace(exact, skeleton=Skeleton(line.basis, 1.1 * line.weights, line.offset, 1.1 * line.length))

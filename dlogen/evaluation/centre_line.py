@@ -80,8 +80,8 @@ class CentreLine(ShortRepr):
         knots, arc, speed = self._table
         target = s * arc[-1]
         i, h, u = cells(arc, target)
-        # Cubic Hermite interpolation of t over the arc length is near enough for two Newton steps to reach rounding. Not
-        # that of `interpolated`: another last bit here is another cloud, and other digits of what is measured on it.
+        # Cubic Hermite interpolation of t over the arc length is near enough for two Newton steps to reach rounding.
+        # Not that of `interpolated`: another last bit is another cloud, and other digits of what is measured on it.
         t = knots[i] + (knots[i + 1] - knots[i]) * u**2 * (3 - 2 * u)
         t += h * u * (1 - u) * ((1 - u) / speed[i] - u / speed[i + 1])
         for _ in range(2):

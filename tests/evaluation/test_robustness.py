@@ -14,7 +14,7 @@ from dlogen.evaluation import robustness as module
 from dlogen.evaluation.paper_tables import Figure
 from dlogen.evaluation.robustness import CASES, Accuracy, Case, accuracy, robustness, run
 from dlogen.evaluation.shapes import centre_line
-from dlogen.types import Skeleton
+from dlogen.types import FitData, Skeleton
 
 
 class TestCases:

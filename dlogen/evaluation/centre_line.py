@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from dlogen.geometry.arc_length import cells, interpolated
+from dlogen.geometry.arc_length import cells
 from dlogen.geometry.curvature import curvature_of
 from dlogen.geometry.polyline import segment_lengths
 from dlogen.geometry.vectors import dots, unit
@@ -79,9 +79,11 @@ class CentreLine(ShortRepr):
     def _parameter(self, s: Array) -> Array:
         knots, arc, speed = self._table
         target = s * arc[-1]
-        # Near enough for two Newton steps to reach rounding.
-        i, width, u = cells(arc, target)
-        t = interpolated(knots, 1.0 / speed, i, width, u)
+        i, h, u = cells(arc, target)
+        # Cubic Hermite interpolation of t over the arc length is near enough for two Newton steps to reach rounding.
+        # Not that of `interpolated`: another last bit is another cloud, and other digits of what is measured on it.
+        t = knots[i] + (knots[i + 1] - knots[i]) * u**2 * (3 - 2 * u)
+        t += h * u * (1 - u) * ((1 - u) / speed[i] - u / speed[i + 1])
         for _ in range(2):
             t -= (arc[i] + self._arc(knots[i], t) - target) / self._speed(t)
         inside: Array = np.clip(t, 0.0, 1.0)

@@ -11,7 +11,7 @@ from dlogen.sequence.reasons import REASONS
 
 FOLDER = ROOT / "dlogen" / "sequence"
 #: What holds a code, as its first value.
-HOLDERS = {"Aside", "Exclusion", "Doubt"}
+HOLDERS = {"Exclusion", "Doubt"}
 
 
 def nodes() -> list[ast.AST]:

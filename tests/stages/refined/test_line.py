@@ -20,11 +20,14 @@ STRAYS = 100
 
 @pytest.fixture(scope="module")
 def cloud(tube: SyntheticCloud) -> Cloud:
+    """The tube with noise of half a millimetre, and strays."""
     rng = np.random.default_rng(4)
     low, high = tube.points.min(axis=0), tube.points.max(axis=0)
     strays = rng.uniform(low, high, (40 * STRAYS, 3))
     strays = strays[tube.truth.nearest(strays)[1] > 0.05][:STRAYS]
-    return prepare(Cloud(np.vstack([tube.points, strays])), "m").cloud
+    return prepare(
+        Cloud(np.vstack([tube.points + rng.normal(scale=0.0005, size=tube.points.shape), strays])), "m"
+    ).cloud
 
 
 @pytest.fixture(scope="module")
@@ -41,9 +44,9 @@ def test_the_line_is_the_axis_from_end_to_end(
     timed: tuple[FittedLine, Clock], cloud: Cloud, tube: SyntheticCloud
 ) -> None:
     line, _ = timed
-    moved = tube.points[0] - cloud.points[0]
+    moved = (tube.points - cloud.points[: len(tube.points)]).mean(axis=0)
     distance = tube.truth.nearest(line.skeleton(np.linspace(0, 1, 200)) + moved)[1]
-    assert distance.mean() < 1e-4 and distance.max() < 1e-3
+    assert distance.mean() < 1e-4 and distance.max() < 1e-3  # a fifth of the noise, and twice of it
     assert line.skeleton.length == pytest.approx(tube.truth.length, rel=2e-3)
     assert line.radius == pytest.approx(0.015, rel=0.01)
 

@@ -1,6 +1,6 @@
 """Whether the tests notice mistakes: puts each mistake of `mutant_table.py` into a copy of the tree and runs tests.
 
-    python tests/tools/mutants.py                         # the table; half an hour to an hour on two cores
+    python tests/tools/mutants.py                         # the table; about a quarter of an hour
     python tests/tools/mutants.py --jobs 2                # two copies, two at a time
     python tests/tools/mutants.py --only glue --only ply-header-line
     python tests/tools/mutants.py --whole                 # ask all tests before a mistake is said to have lived

@@ -10,8 +10,6 @@ from typing import Any
 
 import click
 
-from dlogen.io.json_text import dump_json
-
 
 def use_colour() -> bool:
     """Colour only on a terminal, and never when NO_COLOR is set (https://no-color.org)."""
@@ -72,4 +70,7 @@ def _styled(text: str, **style: Any) -> str:
 
 def print_json(data: Any) -> None:
     """Data to stdout: the same text for the same data."""
+    # Imported here: `dlogen --help` need not wait for it.
+    from dlogen.io.json_text import dump_json
+
     click.echo(dump_json(data), nl=False)

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from dlogen.cli.console import Console
 from dlogen.cli.main import Command
-from dlogen.cli.options import Workers, config_options, format_option, worker_options
+from dlogen.cli.options import config_options, format_option, worker_options
+
+if TYPE_CHECKING:
+    from dlogen.cli.workers import Workers
 
 _EXAMPLES = """Examples:
 

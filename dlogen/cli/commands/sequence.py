@@ -11,12 +11,13 @@ import click
 
 from dlogen.cli.console import Console, print_json
 from dlogen.cli.main import Command
-from dlogen.cli.options import Workers, config_options, format_option, worker_options
+from dlogen.cli.options import config_options, format_option, worker_options
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from dlogen.batch.store import Row
+    from dlogen.cli.workers import Workers
     from dlogen.config.schema import Config
     from dlogen.sequence.assemble import Assembled
     from dlogen.sequence.trajectory import Motion

@@ -194,7 +194,7 @@ class Material(Section):
 
     preset: str = choice(
         NO_PRESET,
-        "A known material (dlogen.multibody.materials). It fills in what the other keys leave at auto.",
+        "A known material (dlogen.config.presets). It fills in what the other keys leave at auto.",
         choices=(NO_PRESET, *PRESETS),
         sought=("kind", "type"),
     )

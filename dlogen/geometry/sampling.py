@@ -65,7 +65,8 @@ def position_hash(points: Array) -> Array:
     value ^= value >> np.uint64(29)
     value *= np.uint64(0xBF58476D1CE4E5B9)
     value ^= value >> np.uint64(32)
-    return (value >> np.uint64(11)).astype(np.float64) * 2.0**-53
+    shares: Array = (value >> np.uint64(11)).astype(np.float64) * 2.0**-53
+    return shares
 
 
 def middle(points: Array) -> Array:

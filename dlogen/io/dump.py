@@ -55,7 +55,9 @@ def _ply(item: Intermediate) -> bytes:
 def _colours(value: Array) -> np.ndarray:
     """Dark blue, teal, yellow: readable without colour vision and in print, since brightness grows with the value."""
     stops = np.array([[48, 18, 92], [38, 130, 142], [253, 231, 37]], dtype=float)
-    return np.stack([np.interp(value, [0.0, 0.5, 1.0], stops[:, i]) for i in range(3)], axis=1).round().astype("u1")
+    shades = np.stack([np.interp(value, [0.0, 0.5, 1.0], stops[:, i]) for i in range(3)], axis=1)
+    colours: np.ndarray = shades.round().astype("u1")
+    return colours
 
 
 def csv_bytes(header: str, *columns: Array | IntArray) -> bytes:

@@ -66,7 +66,8 @@ def _along(edges: IntArray, count: int) -> IntArray:
         graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
         order = breadth_first_order(graph.tocsr(), ends[0], directed=False, return_predecessors=False)
         if len(order) == np.count_nonzero(degree):
-            return order.astype(np.intp)
+            vertices: IntArray = order.astype(np.intp)
+            return vertices
     raise InputError(
         f"the edges make no single open line: it has {len(ends)} free ends and up to {degree.max()} edges at a vertex",
         "give a line from one end to the other, without branches",

@@ -55,7 +55,8 @@ def split(table: Array) -> tuple[Array, Array | None]:
 
 def gather(data: Bytes, places: IntArray, code: str) -> npt.NDArray[Any]:
     """(M,) numbers of numpy's type `code`; `places` (M,) are their first bytes."""
-    return data[places[:, np.newaxis] + np.arange(np.dtype(code).itemsize)].view(code)[:, 0]
+    numbers: npt.NDArray[Any] = data[places[:, np.newaxis] + np.arange(np.dtype(code).itemsize)].view(code)[:, 0]
+    return numbers
 
 
 def columns_table(columns: Sequence[npt.NDArray[Any]], rows: int) -> Array:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dlogen._version import __version__
+from dlogen.batch.failures import CONFIG, FIT, INPUT, INTERNAL, MEMORY, OUTPUT
 from dlogen.batch.output_files import write_files
 from dlogen.config.reader import load_config
 from dlogen.config.schema import Config
@@ -125,7 +126,7 @@ def run_job(plan: Plan, task: Task) -> Outcome:
         except DlogenError as error:
             return Outcome(task.key, failure_of(error), sha256=sha256, seconds=time.perf_counter() - start)
         except MemoryError:
-            failure = Failure("memory", "not enough memory for this cloud", "raise --memory, or use fewer points")
+            failure = Failure(MEMORY.code, "not enough memory for this cloud", "raise --memory, or use fewer points")
             return Outcome(task.key, failure, sha256=sha256, seconds=time.perf_counter() - start)
         from dlogen.batch.metrics import metrics_of
 
@@ -145,8 +146,8 @@ def run_job(plan: Plan, task: Task) -> Outcome:
 
 def failure_of(error: DlogenError) -> Failure:
     """An error as it is recorded."""
-    kinds = ((InputError, "input"), (ConfigError, "config"), (FitError, "fit"), (OutputError, "output"))
-    code = next((code for kind, code in kinds if isinstance(error, kind)), "output")
+    kinds = ((InputError, INPUT), (ConfigError, CONFIG), (FitError, FIT), (OutputError, OUTPUT))
+    code = next((failure.code for kind, failure in kinds if isinstance(error, kind)), OUTPUT.code)
     message = error.message
     if isinstance(error, ConfigError) and error.path is not None:
         message = f"{error.path}: {message}"
@@ -194,7 +195,7 @@ def _bug(error: Exception) -> Failure:
 
     place = traceback.extract_tb(error.__traceback__)[-1]
     return Failure(
-        "internal",
+        INTERNAL.code,
         f"{type(error).__name__}: {error} ({Path(place.filename).name}, line {place.lineno})",
         "this is a bug in dlogen; dlogen fit --debug on this cloud shows where",
     )

@@ -131,7 +131,7 @@ class Batch:
                     row.formats = self._with_wanted(row.formats)
                 elif not self.options.force:
                     hint = "use --force to overwrite, or -o for another folder"
-                    failure = Failure("output", f"output exists: {as_unicode(str(existing))}", hint)
+                    failure = Failure(OUTPUT.code, f"output exists: {as_unicode(str(existing))}", hint)
                     refused.append(self._failed(row, failure))
                     continue
                 self.store.write(row)

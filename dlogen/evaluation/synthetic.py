@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -260,12 +259,3 @@ def truth_bytes(content: dict[str, Any]) -> bytes:
     text = json.dumps(head, indent=2, ensure_ascii=False, allow_nan=False)
     rows = ",\n    ".join(json.dumps(point, allow_nan=False) for point in content["points"])
     return f'{text[:-2]},\n  "points": [\n    {rows}\n  ]\n}}\n'.encode()
-
-
-def write_truth(
-    path: str | Path, line: CentreLine, radius: float, settings: dict[str, Any] | None = None, seed: int | None = None
-) -> None:
-    """Write a truth file (schema: see `truth`), the same bytes for the same arguments."""
-    from dlogen.io.atomic import write_all
-
-    write_all({Path(path): truth_bytes(truth(line, radius, settings or {}, seed))})

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dlogen.sequence.captures import CaptureFit
+from dlogen.sequence.reasons import LENGTH, NOISE, RADIUS
 from dlogen.types import Array, BoolArray
 
 #: A capture is excluded when it is off the median by more than this many robust standard deviations.
@@ -113,18 +114,18 @@ def _size(value: float, spread: float, least: float, most: float) -> Size:
 
 def exclusion_by_size(capture: CaptureFit, sizes: Sizes) -> Exclusion | None:
     """Why not to believe a capture that has a curve and a good verdict, going by the sizes alone."""
-    for code, what, size, value in (
-        ("length", "long", sizes.length, capture.length),
-        ("radius", "in radius", sizes.radius, capture.radius),
+    for reason, what, size, value in (
+        (LENGTH, "long", sizes.length, capture.length),
+        (RADIUS, "in radius", sizes.radius, capture.radius),
     ):
         if abs(value - size.value) > size.allowed:
             return Exclusion(
-                code,
+                reason.code,
                 f"{1e3 * value:.1f} mm {what}, usual are {1e3 * size.value:.1f} (allowed +-{1e3 * size.allowed:.1f})",
             )
     if capture.residual > sizes.residual.value + sizes.residual.allowed:
         return Exclusion(
-            "noise",
+            NOISE.code,
             f"its points scatter by {1e3 * capture.residual:.2f} mm, usually by "
             f"{1e3 * sizes.residual.value:.2f} (allowed {1e3 * (sizes.residual.value + sizes.residual.allowed):.2f})",
         )

@@ -17,7 +17,7 @@ from dlogen.sequence.captures import CaptureFit
 from dlogen.sequence.interpolation import filled_in, smoothed
 from dlogen.sequence.orientation import directions, hidden_ends, misfits, unclear_directions
 from dlogen.sequence.outliers import Exclusion, Sizes, common_sizes, exclusion_by_size
-from dlogen.sequence.reasons import LENGTH, RADIUS
+from dlogen.sequence.reasons import DIRECTION, DOUBTFUL, FAILED, LENGTH, MOTION, RADIUS, SIZES
 from dlogen.sequence.rigid_links import Shape, deviations, equal_links, fewest_links, fit_links, links_of_length
 from dlogen.stages.segmentation.segment_length import max_segment_length
 from dlogen.types import Array, BoolArray
@@ -122,7 +122,7 @@ def shared_model(
         FitError: no capture can be believed, or there would be more than 2000 links.
     """
     exclusions = [
-        Exclusion("doubtful" if item.points is not None else "failed", item.problem) if item.problem else None
+        Exclusion((DOUBTFUL if item.points is not None else FAILED).code, item.problem) if item.problem else None
         for item in captures
     ]
     sizes = common_sizes(captures, _good(exclusions, captures))
@@ -189,7 +189,7 @@ def _of_sizes(captures: Sequence[CaptureFit], exclusions: Sequence[Exclusion | N
     values, usual = [getattr(item, what) for item in believed], getattr(sizes, what).value
     return [
         Doubt(
-            "sizes",
+            SIZES.code,
             f"{'radii' if what == 'radius' else 'lengths'} differ, {min(values):.4g} to {max(values):.4g} m, and only "
             f"{within} of {len(believed)} go by {usual:.4g} m: is it one object, and is all of it in view?",
         )
@@ -200,7 +200,7 @@ def _of_directions(captures: Sequence[CaptureFit], good: list[int], shape: Shape
     places = np.linspace(0.0, shape.length, _DIRECTED)
     return [
         Doubt(
-            "direction",
+            DIRECTION.code,
             f"which end is first may be wrong from {captures[good[k]].name} on: the motion since "
             f"{captures[good[k - 1]].name} is about as smooth the other way round",
             good[k],
@@ -245,7 +245,7 @@ def _by_motion(shape: Shape, times: Array, radius: float) -> tuple[BoolArray, li
     compared[reverse] = compared[reverse][:, ::-1]
     off, allowed = misfits(compared, times, kept, radius)
     exclusions = [
-        Exclusion("motion", f"{1e3 * far:.1f} mm from where its neighbours in time say (allowed {1e3 * most:.1f})")
+        Exclusion(MOTION.code, f"{1e3 * far:.1f} mm from where its neighbours in time say (allowed {1e3 * most:.1f})")
         if far > most
         else None
         for far, most in zip(off, allowed, strict=True)

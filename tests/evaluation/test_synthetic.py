@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from dlogen.evaluation.shapes import (
     centre_line,
     random_centre_line,
 )
-from dlogen.evaluation.synthetic import sample_tube, truth, truth_bytes, write_truth
+from dlogen.evaluation.synthetic import sample_tube, truth, truth_bytes
 
 RADIUS = 0.02
 
@@ -151,10 +150,9 @@ def test_impossible_clouds_are_refused(bad: dict[str, Any]) -> None:
 # Truth files -------------------------------------------------------------------------------------------------------
 
 
-def test_truth_file(tmp_path: Path) -> None:
+def test_truth_file() -> None:
     line = LINES["helical"]
-    write_truth(tmp_path / "t.json", line, RADIUS, {"noise": 0.0}, 7)
-    data = (tmp_path / "t.json").read_bytes()
+    data = truth_bytes(truth(line, RADIUS, {"noise": 0.0}, 7))
     assert data == truth_bytes(truth(line, RADIUS, {"noise": 0.0}, 7))
     content = json.loads(data)
     assert (content["schema"], content["units"], content["curve"]) == ("dlogen.truth/1", "m", "helical")

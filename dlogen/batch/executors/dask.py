@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 from dlogen._version import __version__
 from dlogen.batch.executors.dask_worker import Call, Order, ProcessSettings, Reply
+from dlogen.batch.failures import WORKER_DIED
 from dlogen.batch.job import Failure, Outcome, Plan, Task, run_job
 from dlogen.errors import DlogenError, UsageError
 
@@ -177,7 +178,7 @@ class _Batches:
             self._suspects.append(batch[0])
         else:
             hint = "the logs of the Dask workers say why; if memory ran out, give --memory or ask for more per worker"
-            yield Outcome(batch[0].key, Failure("worker-died", "every Dask worker that was at it died", hint))
+            yield Outcome(batch[0].key, Failure(WORKER_DIED.code, "every Dask worker that was at it died", hint))
 
 
 class _Cluster:

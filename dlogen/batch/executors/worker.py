@@ -16,6 +16,7 @@ import threading
 from collections.abc import Iterator
 from typing import IO, Any
 
+from dlogen.batch.failures import TIMEOUT, WORKER_DIED
 from dlogen.batch.job import Failure, Outcome, Plan, Task
 from dlogen.batch.output_files import remove_temporaries
 from dlogen.errors import DlogenError
@@ -71,7 +72,7 @@ class Worker:
                 remove_temporaries(self._plan.folder, task.key, self._plan.outputs, process.pid)
             if timer is not None and timer.passed:
                 hint = "give it more --timeout, or look at the cloud with dlogen info"
-                return Outcome(task.key, Failure("timeout", f"took longer than {self._timeout:g} s", hint))
+                return Outcome(task.key, Failure(TIMEOUT.code, f"took longer than {self._timeout:g} s", hint))
             if self._closed:
                 break
         return Outcome(task.key, died(end))
@@ -217,7 +218,7 @@ def died(end: int | None) -> Failure:
         end: exit code, or minus a signal's number; None where it is not known.
     """
     hint = "look at the cloud with dlogen info; with -9, memory may have run out: try fewer --jobs, or --memory"
-    return Failure("worker-died", f"its worker ended {ATTEMPTS} times over it ({_how(end)})", hint)
+    return Failure(WORKER_DIED.code, f"its worker ended {ATTEMPTS} times over it ({_how(end)})", hint)
 
 
 def _how(end: int | None) -> str:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from dlogen.errors import InputError
 from dlogen.evaluation.shapes import centre_line
-from dlogen.evaluation.synthetic import write_truth
+from dlogen.evaluation.synthetic import truth, truth_bytes
 from dlogen.io.cloud_files import write_cloud
 from dlogen.io.curves.curve import KINDS, Curve, load_curve
 from dlogen.io.json_text import dump_json
@@ -39,7 +39,7 @@ def test_a_chain_is_its_joints_unless_the_skeleton_is_asked_for(result: FitData,
 
 def test_truth(tmp_path: Path) -> None:
     line = centre_line("helical")
-    write_truth(tmp_path / "t.json", line, 0.02)
+    (tmp_path / "t.json").write_bytes(truth_bytes(truth(line, 0.02, {}, None)))
     curve = load_curve(tmp_path / "t.json")
     assert (curve.kind, curve.is_chain) == ("truth", False)
     assert curve.points == pytest.approx(line.points(1000), abs=1e-9)

@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 #: Seconds to look for the scheduler, and to wait for workers before saying so.
 CONNECT_SECONDS, PATIENCE_SECONDS = 10.0, 5.0
 
+#: Seconds to wait for the file that a scheduler writes when it has started.
+FILE_SECONDS = 30.0
+
 #: A Dask task costs its scheduler some milliseconds. Seconds that one should take, and clouds and bytes in it at most.
 BATCH_SECONDS, BATCH_CLOUDS, BATCH_BYTES = 5.0, 100, 1 << 20
 
@@ -274,19 +277,33 @@ class _Cluster:
         )
 
 
-def scheduler_of(path: str) -> str:
+def scheduler_of(path: str, patience: float = FILE_SECONDS) -> str:
     """The address in a file that a scheduler has written (`dask scheduler --scheduler-file`).
+
+    Args:
+        path: of the file.
+        patience: seconds to wait for the file. A script starts the scheduler and goes on at once, and the scheduler
+            takes some seconds until it writes it.
 
     Raises:
         UsageError: it is not such a file.
     """
-    try:
-        return str(json.loads(Path(path).read_text(encoding="utf-8"))["address"])
-    except OSError as error:
-        reason, hint = f"cannot be read: {error.strerror}", "dask scheduler --scheduler-file writes it when it starts"
-    except (ValueError, LookupError, TypeError):
-        reason, hint = "is not the scheduler file of Dask", "it is JSON with an address"
-    raise UsageError(reason, hint, path=path)
+    given_up = time.monotonic() + patience
+    while True:
+        try:
+            return str(json.loads(Path(path).read_text(encoding="utf-8"))["address"])
+        except OSError as error:
+            reason, hint = (
+                f"cannot be read: {error.strerror}",
+                "dask scheduler --scheduler-file writes it when it starts",
+            )
+            may_come = isinstance(error, FileNotFoundError)
+        except (ValueError, LookupError, TypeError) as error:
+            reason, hint = "is not the scheduler file of Dask", "it is JSON with an address"
+            may_come = isinstance(error, ValueError) and not Path(path).stat().st_size  # it is being written
+        if not may_come or time.monotonic() >= given_up:
+            raise UsageError(reason, hint, path=path)
+        time.sleep(0.1)
 
 
 def _fetch(key: str, arrived: queue.SimpleQueue[tuple[str, Reply | BaseException]], future: Future[Any]) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import sys
+import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -47,10 +49,28 @@ def test_no_scheduler_there(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_no_scheduler_file(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="cannot be read"):
-        scheduler_of(str(tmp_path / "x.json"))
+        scheduler_of(str(tmp_path / "x.json"), patience=0.0)
     (tmp_path / "x.json").write_text("[]")
     with pytest.raises(UsageError, match="not the scheduler file"):
         scheduler_of(str(tmp_path / "x.json"))
+
+
+def test_the_scheduler_file_is_waited_for(tmp_path: Path) -> None:
+    """A script that starts a scheduler goes on at once, and the scheduler creates its file before it fills it."""
+    path = tmp_path / "x.json"
+
+    def start() -> None:
+        time.sleep(0.2)
+        path.write_text("")
+        time.sleep(0.3)
+        path.write_text('{"address": "tcp://x:1"}')
+
+    thread = threading.Thread(target=start)
+    thread.start()
+    try:
+        assert scheduler_of(str(path)) == "tcp://x:1"
+    finally:
+        thread.join()
 
 
 def test_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,6 +25,7 @@ from dlogen.stages.quality.checks import check_deviation, check_line, explained
 from dlogen.stages.quality.residual import tube_residual
 from dlogen.stages.segmentation.segment import segment
 from dlogen.stages.segmentation.specification import SegmentationSpec, allowed_deviation
+from dlogen.stages.view import camera_at_origin
 from dlogen.types import Chain, Cloud, Finding, FittedLine, Frame, Mdtw, Quality, Segmentation
 
 #: Points of the skeleton line in the outputs.
@@ -86,7 +87,8 @@ def _prepared(cloud: Cloud, config: Config) -> tuple[Prepared, Frame, int]:
     near, far = without_far_points(cloud)
     check_points(near.points, surface=config.projection.enabled)
     # Points in the sensor's own frame are seen from its origin.
-    seen = replace(near, viewpoint=np.zeros(3)) if config.frame.use_viewpoint else near
+    at_origin = config.frame.use_viewpoint or (near.viewpoint is None and camera_at_origin(near.points))
+    seen = replace(near, viewpoint=np.zeros(3)) if at_origin else near
     prepared = prepare(seen, config.units)
     return prepared, output_frame(config.frame, cloud, prepared.scale), far
 

@@ -137,7 +137,7 @@ def check_radius_along(line: Skeleton, radius: float, s: Array, distance: Array)
     text = (
         f"the radius is not the same everywhere: {millimetres(medians[worst])} here, {millimetres(radius)} in the model"
     )
-    return [RADIUS_VARIES.at(line, (worst + 0.5) / _STRETCHES, text)]
+    return [RADIUS_VARIES.at(line, (worst + 0.5) / _STRETCHES, text, "doubtful")]
 
 
 def check_bends(line: Skeleton, radius: float, s: Array) -> list[Finding]:

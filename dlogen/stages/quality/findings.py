@@ -226,6 +226,27 @@ NOISE = _kind(
     "captures.",
 )
 
+STRAND = _kind(
+    "strand",
+    ("note",),
+    "The depth of the points scatters by about as much as the object is thick, so that only its width shows: the axis "
+    "was fitted to the middle of the strip and put behind it.",
+    "Nothing. A radius that is given makes the model better.",
+)
+SIDE_UNKNOWN = _kind(
+    "side-unknown",
+    ("doubtful",),
+    "The object was seen from one side, and nothing tells which: the line stays in the surface that was seen, up to a "
+    "radius from the axis.",
+    "Keep the sensor's position in the file (VIEWPOINT of PCD), or give the cloud in the frame of the camera.",
+)
+POSITION_UNCERTAIN = _kind(
+    "position-uncertain",
+    ("doubtful",),
+    "The line is known to no better than a radius somewhere, as far as the noise tells.",
+    "Capture the object from nearer, average several captures, or give r.",
+)
+
 # The radius.
 
 RADIUS_UNKNOWN = _kind(
@@ -243,7 +264,7 @@ RADIUS_MISMATCH = _kind(
 )
 RADIUS_VARIES = _kind(
     "radius-varies",
-    ("doubtful",),
+    ("note", "doubtful"),
     "The object is clearly thicker or thinner in places; the model has one radius.",
     "Take connectors, clips and tape out of the cloud, or give r to say which radius the model is to have.",
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dlogen.stages.quality.findings import GAP, NOISE
 from dlogen.stages.refined.ordering import Ordering
 from dlogen.stages.refined.refine import Refined
-from dlogen.types import Finding
+from dlogen.types import Finding, Skeleton
 from dlogen.types.texts import millimetres
 
 #: A gap below this share of the length is bridged without doubt.
@@ -23,15 +23,30 @@ def fit_findings(ordering: Ordering, fitted: Refined) -> tuple[Finding, ...]:
         fitted: the fit that started from it.
     """
     findings = [finding for finding in ordering.findings if not GAP.matches(finding)]
-    return (*findings, *_gaps(ordering, fitted), *fitted.findings)
-
-
-def _gaps(ordering: Ordering, fitted: Refined) -> list[Finding]:
     line, radius = fitted.skeleton, fitted.radius
+    gaps = gap_findings(ordering, line, radius, fitted.gaps)
+    share = fitted.noise / radius
+    if share > _NOTED:
+        message = f"the points scatter by {1e3 * fitted.noise:.2g} mm, {100 * share:.0f} % of the radius"
+        gaps.append(NOISE.found(message, "doubtful" if share > _NOISY else "note"))
+    return (*findings, *gaps, *fitted.findings)
+
+
+def gap_findings(
+    ordering: Ordering, line: Skeleton, radius: float, gaps: tuple[tuple[float, float], ...]
+) -> list[Finding]:
+    """Findings about the gaps of a line, and about those that only its ordering noticed.
+
+    Args:
+        ordering: of the cloud.
+        line: the line that was fitted.
+        radius: of the object, metres.
+        gaps: (s0, s1) of the line's stretches without points.
+    """
     findings = []
     bridged = [finding for finding in ordering.findings if GAP.matches(finding)]
     # Short ones must have been noticed by the ordering as well.
-    for start, end in fitted.gaps:
+    for start, end in gaps:
         middle, length = 0.5 * (start + end), (end - start) * line.length
         seen = [item for item in bridged if item.s is not None and start - 0.03 < item.s < end + 0.03]
         bridged = [item for item in bridged if item not in seen]
@@ -40,8 +55,4 @@ def _gaps(ordering: Ordering, fitted: Refined) -> list[Finding]:
             doubt = any(not item.is_note for item in seen) or end - start > _SMALL_GAP
             message = f"no points over {millimetres(length)} ({100 * (end - start):.1f} % of the length): bridged"
             findings.append(GAP.at(line, middle, message, "doubtful" if doubt else "note"))
-    share = fitted.noise / radius
-    if share > _NOTED:
-        message = f"the points scatter by {1e3 * fitted.noise:.2g} mm, {100 * share:.0f} % of the radius"
-        findings.append(NOISE.found(message, "doubtful" if share > _NOISY else "note"))
     return [*findings, *bridged]

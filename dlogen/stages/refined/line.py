@@ -23,10 +23,12 @@ from dlogen.stages.quality.cross_section import check_cross_section
 from dlogen.stages.quality.cut_ends import cut_ends
 from dlogen.stages.quality.findings import CLOSED_RING, SIDE_BY_SIDE
 from dlogen.stages.refined.fit_findings import fit_findings
-from dlogen.stages.refined.ordering import order
-from dlogen.stages.refined.refine import refine
+from dlogen.stages.refined.ordering import Ordering, order
+from dlogen.stages.refined.refine import Refined, refine
+from dlogen.stages.refined.strand_axis import StrandFit
+from dlogen.stages.refined.strand_line import strand_findings, strand_fit
 from dlogen.stages.scale import estimate_scale
-from dlogen.types import Cloud, FittedLine, Intermediate
+from dlogen.types import Array, Cloud, FittedLine, Intermediate
 
 #: What this profile chooses from the data by itself.
 _PAPER_ONLY = (
@@ -63,11 +65,38 @@ def refined_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:
         ordering = order(points, known, scale)
 
     with clock.stage("refine"):
-        try:
-            fitted = refine(points, ordering.backbone, ordering.radius, fixed_radius=known is not None)
-        except FitError as reason:
-            raise explained(reason, ordering.findings) from reason
+        seen = strand_fit(points, cloud.viewpoint, ordering, known) if ordering.noisy else None
+        if seen is None:
+            try:
+                fitted = refine(points, ordering.backbone, ordering.radius, fixed_radius=known is not None)
+            except FitError as reason:
+                raise explained(reason, ordering.findings) from reason
+    if seen is not None:
+        return _of_strand(points, ordering, *seen, config)
+    return _of_surface(points, ordering, fitted, config)
 
+
+def _of_strand(points: Array, ordering: Ordering, fit: StrandFit, side: bool, config: Config) -> FittedLine:
+    """The line of an object of which a strip was seen."""
+    along = np.flatnonzero(fit.inliers)[np.argsort(fit.s[fit.inliers], kind="stable")]
+    return FittedLine(
+        fit.skeleton,
+        fit.radius,
+        fit.residuals + fit.radius,
+        fit.inliers,
+        (
+            Intermediate("ordering", ordering.backbone),
+            Intermediate("tube", points[along], {"s": fit.s[along], "residual": fit.residuals[along]}, colour="s"),
+            Intermediate("off_tube", points[~fit.inliers], {"residual": fit.residuals[~fit.inliers]}),
+        ),
+        (*check_settings_used(config, _PAPER_ONLY), *strand_findings(fit, ordering, given(config.r), side)),
+        {"r": fit.radius, "N": fit.skeleton.basis.size},
+    )
+
+
+def _of_surface(points: Array, ordering: Ordering, fitted: Refined, config: Config) -> FittedLine:
+    """The line of an object whose surface was seen."""
+    known = given(config.r)
     skeleton, radius, s, residual, on_tube = (
         fitted.skeleton,
         fitted.radius,

@@ -135,7 +135,7 @@ class Linearisation:
             step = step - coupling * radius_step
             objective -= slope * radius_step
             log_determinant += float(np.log(schur))
-        freedom = max(sums.weight - 6.0 - self.free_radius, 1.0)
+        freedom = max(sums.count - 6.0 - self.free_radius, 1.0)
         objective = max(objective, 1e-24 * sums.weight * self.curve.step**2)
         rank = 2 * self.curve.intervals
         criterion = freedom * np.log(objective) + log_determinant - rank * np.log(smoothing)

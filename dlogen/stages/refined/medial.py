@@ -33,6 +33,10 @@ _STILL = 0.05
 #: Fewest points, itself included, that a point's normal is taken from.
 _PATCH = 6
 
+#: Votes are believed if their distance from the line through them is less than this share of that of the points; at so
+#: many places it is looked at, over so many radii, with so many points at most.
+_AGREE, _JUDGED, _AROUND, _COMPANY = 0.5, 60, 1.5, 200
+
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
@@ -81,6 +85,39 @@ def axis_votes(points: Array, tree: cKDTree, radius: float, spacing: float) -> t
     votes = points.copy()
     votes[projected] -= radius * normals
     return votes, projected
+
+
+def votes_agree(points: Array, votes: Array, projected: BoolArray, radius: float) -> bool:
+    """Whether projecting points has brought them together, as it does where their normals are those of a tube.
+
+    Normals of noise point anywhere: the votes of a strip whose depth is noise lie a radius above and below it, and
+    look like two strands. How far neighbours are from the line through them tells the two apart: it shrinks to a
+    quarter on a clean surface, and stays as it is where the normals mean nothing.
+
+    Args:
+        points: (M, 3) metres.
+        votes, projected: what `axis_votes` gave for them.
+        radius: of the tube, metres.
+    """
+    index = np.flatnonzero(projected)
+    if len(index) < _PATCH:
+        return False
+    places = index[np.unique(np.linspace(0, len(index) - 1, _JUDGED).astype(np.intp))]
+    before, after = (_spread(cloud[index], cloud[places], radius) for cloud in (points, votes))
+    return float(np.median(after)) < _AGREE * float(np.median(before))
+
+
+def _spread(points: Array, places: Array, radius: float) -> Array:
+    """(P,) root mean square distance of the points around places from the line through them, metres."""
+    near = cKDTree(points).query(places, min(_COMPANY, len(points)), distance_upper_bound=_AROUND * radius)[1]
+    inside = (near < len(points)).astype(float)
+    around = points[np.minimum(near, len(points) - 1)] - places[:, None]
+    total = inside.sum(axis=1)
+    mean = np.einsum("pk,pkc->pc", inside, around) / total[:, None]
+    around -= mean[:, None]
+    covariance = np.einsum("pk,pki,pkj->pij", inside, around, around) / total[:, None, None]
+    values = np.linalg.eigvalsh(covariance)
+    return np.sqrt(np.maximum(values[:, 0] + values[:, 1], 0.0))
 
 
 def contract(votes: Array, projected: BoolArray, radius: float, per_radius: float) -> Nodes:

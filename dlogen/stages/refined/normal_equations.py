@@ -22,6 +22,7 @@ class NormalEquations:
         weight: sum of w.
         residual: sum of w d.
         squares: sum of w d^2.
+        count: number of observations that they are worth: sum of w, unless neighbours share their noise.
     """
 
     blocks: Array
@@ -30,6 +31,7 @@ class NormalEquations:
     weight: float
     residual: float
     squares: float
+    count: float
 
     def __add__(self, other: NormalEquations) -> NormalEquations:
         return NormalEquations(
@@ -39,6 +41,19 @@ class NormalEquations:
             self.weight + other.weight,
             self.residual + other.residual,
             self.squares + other.squares,
+            self.count + other.count,
+        )
+
+    def scaled(self, weight: float, count: float) -> NormalEquations:
+        """With all weights times one factor, and the number of observations times another."""
+        return NormalEquations(
+            self.blocks * weight,
+            self.right * weight,
+            self.radius * weight,
+            self.weight * weight,
+            self.residual * weight,
+            self.squares * weight,
+            self.count * count,
         )
 
 
@@ -68,6 +83,7 @@ def normal_equations(
         float(total[0, 0]),
         float(total[0, 1]),
         float(total[1, 1]),
+        float(total[0, 0]),
     )
 
 

@@ -31,7 +31,7 @@ from dlogen.stages.quality.findings import (
 from dlogen.stages.refined.beads import string_beads
 from dlogen.stages.refined.branches import cut_at_junctions, trace_pieces
 from dlogen.stages.refined.joins import Join, bending_cost, bridge, chains, join_pieces
-from dlogen.stages.refined.medial import axis_votes, contract, recentre
+from dlogen.stages.refined.medial import axis_votes, contract, recentre, votes_agree
 from dlogen.stages.refined.piece import Piece, end_direction, parabola
 from dlogen.stages.scale import Scale, estimate_scale
 from dlogen.types import Array, BoolArray, Finding
@@ -88,6 +88,7 @@ class Ordering:
         pieces: the certain stretches of the backbone, in its order and direction.
         joins: what was bridged between them.
         findings: what a user should know.
+        noisy: the points scatter so much that their normals say nothing.
     """
 
     backbone: Array
@@ -95,6 +96,7 @@ class Ordering:
     pieces: tuple[Array, ...]
     joins: tuple[Bridge, ...]
     findings: tuple[Finding, ...]
+    noisy: bool = False
 
 
 def order(points: Array, radius: float | None = None, scale: Scale | None = None) -> Ordering:
@@ -144,6 +146,9 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
     tree = cKDTree(sample)
     spacing = scale.spacing / np.sqrt(thinned)
     votes, projected = axis_votes(sample, tree, r, spacing)
+    noisy = bool(projected.any()) and not votes_agree(sample, votes, projected, r)
+    if noisy:
+        votes, projected = sample, np.zeros(len(sample), dtype=bool)
     nodes = contract(votes, projected, r, per_radius)
     found = trace_pieces(nodes, r, per_radius)
     if not found:
@@ -152,7 +157,7 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
             f"the radius was taken to be {millimetres(r)}: give r if it is not, and check units",
             stage="ordering",
         )
-    if radius is not None or scale.radius_reliable:
+    if not noisy and (radius is not None or scale.radius_reliable):
         found = [replace(piece, points=recentre(piece.points, sample, tree, r, per_radius)) for piece in found]
     pieces = cut_at_junctions(found, r)
     joins = join_pieces(pieces, r)
@@ -174,6 +179,7 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
         pieces=tuple(part + origin for part in line.parts),
         joins=tuple(_moved(item, origin) for item in bridges),
         findings=tuple(findings),
+        noisy=noisy,
     )
 
 

@@ -19,23 +19,21 @@ from dlogen.geometry.sampling import spatial_sample
 from dlogen.stages.quality.findings import CURVATURE_UNCERTAIN, RADIUS_UNKNOWN
 from dlogen.stages.refined.ends import find_ends, find_gaps
 from dlogen.stages.refined.output_curve import curvature_std, output_curve, sharpest_bend, sufficient_spacing
+from dlogen.stages.refined.support import on_support
 from dlogen.stages.refined.tube import Tube, expected_distance
-from dlogen.stages.refined.tube_curve import arc_at, arc_table, from_polyline, reparametrised
+from dlogen.stages.refined.tube_curve import arc_at, arc_table, from_polyline
 from dlogen.stages.refined.tube_fit import LEAST_FLOOR, all_points, gauss_newton
-from dlogen.types import Array, BoolArray, Finding, IntArray, Skeleton
+from dlogen.types import Array, BoolArray, Finding, Skeleton
 
 #: Knot spacing over the radius, while the points near the curve are looked for and in the end. A cubic spline with
 #: knots 1.25 radii apart follows a bend of 3 radii to about 1e-3 radii.
 _COARSE, _FINE = 3.0, 1.25
 
-#: The fewest and the most intervals (at first, and of the fit), and the points that each of them needs.
-_FEWEST_INTERVALS, _ROUGH_INTERVALS, _MOST_INTERVALS, _POINTS_PER_INTERVAL = 6, 96, 256, 12
+#: The most intervals, at first and of the fit.
+_ROUGH_INTERVALS, _MOST_INTERVALS = 96, 256
 
 #: Rounds of searching for the points near the curve, and for its ends: each gets a radius farther.
 _ROUNDS = 6
-
-#: Points at an end that tell how densely they lie there.
-_FEW = 10
 
 #: Points that the backbone is brought to the axis with, and points of the fit proper; larger clouds are fitted by
 #: subsets of these sizes first. The last steps use a million points at most.
@@ -235,44 +233,10 @@ def _knot_spacing(tube: Tube) -> float:
 
 
 def _on_support(tube: Tube, margin: float, spacing: float, most: int) -> Tube:
-    """The curve cut or extended to where the points are and `margin` radii beyond, with knots `spacing` apart."""
-    curve, radius = tube.curve, tube.radius
-    inlier = (np.abs(tube.residual) < max(3.0 * tube.sigma, 0.2 * radius)) & tube.on_curve
-    arc = arc_table(curve)[1]
-    whole, length = arc_at(arc, tube.x), float(arc[-1])
-    s = whole[inlier]
-    if len(s) < 2:
-        raise FitError("hardly any points near the backbone", "check r and units", stage="refine")
-    bins = max(10, min(int(length / radius), len(s) // 15))
-    counts = np.bincount(np.minimum((s * (bins / length)).astype(np.intp), bins - 1), minlength=bins)
-    low, high = (place * length / bins for place in (_first_full(counts), bins - _first_full(counts[::-1])))
-    everything = np.sort(s)
-    s = everything[(everything >= low) & (everything <= high)]
-    # Where points are sparse, the last one may be farther from the end.
-    few = min(_FEW, len(s) - 1)
-    reach = 8.0 * np.array([s[few] - s[0], s[-1] - s[-1 - few]]) / few
-    # A bin may be emptier than its neighbours by chance: points that go on without a gap belong to the object.
-    lone = np.diff(everything)
-    before = np.flatnonzero((lone > reach[0]) & (everything[1:] <= s[0]))
-    behind = np.flatnonzero((lone > reach[1]) & (everything[:-1] >= s[-1]))
-    s = everything[before[-1] + 1 if len(before) else 0 : behind[0] + 1 if len(behind) else len(everything)]
-    low, high = min(low, float(s[0])), max(high, float(s[-1]))
-    before, after = np.clip(reach, margin * radius, 3.0 * radius).tolist()
-    low, high = max(low, float(s[0]) - radius) - before, min(high, float(s[-1]) + radius) + after
-    most = max(_FEWEST_INTERVALS, min(most, len(s) // _POINTS_PER_INTERVAL))
-    intervals = int(np.clip(round((high - low) / spacing), _FEWEST_INTERVALS, most))
-    moved = reparametrised(curve, intervals, low, high)
-    x = np.clip((whole - low) / moved.step, 0.0, float(intervals))
-    return Tube(moved, radius, tube.sigma, x, tube.distance, tube.smoothing)
-
-
-def _first_full(counts: IntArray) -> int:
-    """The first bin that is no sliver of something else: a quarter as full as the ten after it usually are."""
-    for i in range(len(counts)):
-        inner = counts[i + 1 : i + 11]
-        if counts[i] >= 3 and counts[i] >= 0.25 * np.median(inner[inner > 0]) if (inner > 0).any() else False:
-            return i
-    return 0
+    """The tube with its curve cut or extended to where the points are, see `on_support`."""
+    inlier = (np.abs(tube.residual) < max(3.0 * tube.sigma, 0.2 * tube.radius)) & tube.on_curve
+    curve, x = on_support(tube.curve, tube.x, inlier, tube.radius, margin, spacing, most)
+    return Tube(curve, tube.radius, tube.sigma, x, tube.distance, tube.smoothing)
 
 
 def _result(tube: Tube, whole: Tube, shared: BoolArray, origin: Array, fixed_radius: bool) -> Refined:

@@ -1,0 +1,160 @@
+"""The line of a strand: an object whose depth is as noisy as it is thick, so that only its width shows.
+
+Seen from one side by a depth camera, a rope is a strip. Across the view its edges tell where the axis is and how wide
+it is; along the view its points scatter by as much as the surface is curved, and neighbours share what they are off
+by, since a stereo camera matches windows. So the axis is fitted in two parts: across the view to the middle of the
+strip, along the view to the mean depth of the strip, and that is brought under the surface by what the radius says.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dlogen.errors import FitError
+from dlogen.geometry.vectors import column_dots
+from dlogen.stages.refined.linearisation import LOG_LAMBDA, Linearisation, Solution
+from dlogen.stages.refined.normal_equations import normal_equations
+from dlogen.stages.refined.shared_noise import inflation
+from dlogen.stages.refined.support import on_support
+from dlogen.stages.refined.tube import robust_scale, tukey
+from dlogen.stages.refined.tube_curve import (
+    TubeCurve,
+    arc_at,
+    arc_table,
+    evened,
+    foot_points,
+    from_polyline,
+    nearest,
+)
+from dlogen.types import Array, BoolArray
+
+#: Knot spacing over half the width, at first and in the end; most intervals.
+_COARSE, _FINE, _MOST = 4.0, 2.0, 256
+
+#: Rounds at first, which follow the ends, and rounds of the fit proper.
+_ROUGH_ROUNDS, _ROUNDS = 5, 5
+
+#: Points are near the strand up to so many half widths across the view.
+_NEAR = 2.5
+
+
+@dataclass(frozen=True, eq=False)
+class Strand:
+    """A strand: the line through the middle of what is seen of it.
+
+    Attributes:
+        curve: through the mean of the points; the axis is behind it.
+        half_width: of the strip, metres.
+        x: (M,) foot parameters.
+        depth, across: (M,) offsets from the curve along the view and across it, metres.
+        sigma: standard deviations of these two, metres.
+        inflation: how many points are worth one independent observation, of either.
+        smoothing: see `Solution`.
+        solution: the last step.
+    """
+
+    curve: TubeCurve
+    half_width: float
+    x: Array
+    depth: Array
+    across: Array
+    sigma: tuple[float, float]
+    inflation: tuple[float, float]
+    smoothing: float | None = None
+    solution: Solution | None = None
+
+    @property
+    def on_curve(self) -> BoolArray:
+        """(M,) whether the foot point is not just the end of the curve."""
+        return (self.x > 0.0) & (self.x < self.curve.intervals)
+
+    @property
+    def deviation(self) -> Array:
+        """(M,) from the line, in standard deviations; 1 at the edges."""
+        return np.hypot(self.depth / (3.0 * self.sigma[0]), self.across / (1.2 * self.half_width))
+
+
+def fit_strand(points: Array, rays: Array, backbone: Array, half_width: float) -> Strand:
+    """Fit the line.
+
+    Args:
+        points: (3, M) metres.
+        rays: (3, M) unit vectors along which they are seen.
+        backbone: (K, 3) vertices in order, metres.
+        half_width: of the strip, roughly, metres.
+    """
+    nothing = np.zeros(points.shape[1])
+    curve = from_polyline(backbone, _COARSE * half_width, half_width, 1.0)
+    strand = Strand(curve, half_width, nothing, nothing, nothing, (half_width, half_width), (1.0, 1.0))
+    for step in range(_ROUGH_ROUNDS):
+        strand = _step(points, rays, strand, search=step == 0, least=-3.0)
+        grown = _supported(strand, 1.0, _COARSE * half_width)
+        if step >= 1 and grown.curve.length < strand.curve.length + 0.5 * half_width:
+            break
+        strand = grown
+    strand = _supported(strand, 0.7, _FINE * half_width)
+    # Depth counts for little until the line across the view says how smooth the object is.
+    strand = replace(strand, inflation=(1000.0, 1.0), smoothing=None)
+    for step in range(_ROUNDS):
+        strand = _step(points, rays, strand, search=step == 0)
+        strand = _judged(strand)
+    return _step(points, rays, strand)
+
+
+def _step(points: Array, rays: Array, strand: Strand, *, search: bool = False, least: float = LOG_LAMBDA[0]) -> Strand:
+    curve, half = evened(strand.curve), strand.half_width
+    x = nearest(curve, points, 0.5 * half) if search else strand.x
+    x, k, t, offset = foot_points(curve, points, x, 2 if search else 1)
+    depth, across, ahead, sideways = components(curve, k, t, offset, rays)
+    on = (x > 0.0) & (x < curve.intervals)
+    near = on & (np.abs(across) < _NEAR * half) & (np.abs(depth) < max(3.0 * half, 4.0 * strand.sigma[0]))
+    if np.count_nonzero(near) < 10:
+        raise FitError("hardly any points near the line that the fit started from", "check r and units", stage="refine")
+    sigma = robust_scale(depth[near]), robust_scale(across[near])
+    weight = np.where(near, tukey(np.hypot(depth / sigma[0], across / sigma[1]), 1.0), 0.0)
+    shares = [1.0 / (sigma[0] ** 2 * strand.inflation[0]), 1.0 / (sigma[1] ** 2 * strand.inflation[1])]
+    sums = None
+    for direction, residual, share, worth in zip(
+        (ahead, sideways), (depth, across), shares, strand.inflation, strict=True
+    ):
+        more = normal_equations(k, t, direction, residual, weight, curve.intervals).scaled(share, 1.0 / worth)
+        sums = more if sums is None else sums + more
+    solution = Linearisation(curve, sums, False).best(strand.smoothing, least)
+    return replace(
+        strand,
+        curve=solution.curve,
+        x=x,
+        depth=depth,
+        across=across,
+        sigma=sigma,
+        smoothing=solution.smoothing,
+        solution=solution,
+    )
+
+
+def components(curve: TubeCurve, k, t, offset: Array, rays: Array) -> tuple[Array, Array, Array, Array]:
+    """Offsets along the view and across it, and the unit vectors of these two: (3, M) offsets."""
+    tangent = curve.at(k, t, 1)
+    tangent = tangent / np.maximum(np.sqrt(column_dots(tangent, tangent)), 1e-9)
+    ahead = rays - column_dots(rays, tangent) * tangent
+    ahead = ahead / np.maximum(np.sqrt(column_dots(ahead, ahead)), 1e-9)
+    sideways = np.cross(tangent, ahead, axis=0)
+    return column_dots(offset, ahead), column_dots(offset, sideways), ahead, sideways
+
+
+def _supported(strand: Strand, margin: float, spacing: float) -> Strand:
+    inlier = (strand.deviation < 1.0) & strand.on_curve
+    curve, x = on_support(strand.curve, strand.x, inlier, strand.half_width, margin, spacing, _MOST)
+    return replace(strand, curve=curve, x=x)
+
+
+def _judged(strand: Strand) -> Strand:
+    """The strand with what its points are worth, from what neighbours have in common."""
+    s = arc_at(arc_table(strand.curve)[1], strand.x)
+    good = (strand.deviation < 1.0) & strand.on_curve
+    worth = tuple(
+        max(1.0, inflation(s[good], residual[good], strand.half_width)) for residual in (strand.depth, strand.across)
+    )
+    return replace(strand, inflation=worth)

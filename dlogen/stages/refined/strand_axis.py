@@ -1,0 +1,191 @@
+"""From the fitted strip to the object: its radius from the width, and the axis behind the surface that was seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dlogen.geometry.basis import CubicBSpline
+from dlogen.geometry.spline import spline_values
+from dlogen.geometry.vectors import column_dots, unit
+from dlogen.stages.refined.ends import find_ends, find_gaps
+from dlogen.stages.refined.output_curve import output_curve, sharpest_bend
+from dlogen.stages.refined.strand import Strand, components
+from dlogen.stages.refined.tube_curve import TubeCurve, arc_at, arc_table, foot_points, through
+from dlogen.types import Array, BoolArray, Skeleton
+
+#: The axis is behind the mean depth of the seen half of a tube by this many radii: the mean of sqrt(1 - w^2) over the
+#: width, which a camera's pixels cover evenly.
+_BEHIND = np.pi / 4.0
+
+#: The edges of the strip: this quantile of the distances across the view, and where it is for pixels that cover the
+#: width evenly and for points that cover the circumference evenly, on average.
+_EDGE, _EDGE_AT = 0.95, 0.97
+
+#: Length of the stretches whose width is measured, in half widths, and the points that each needs.
+_STRETCH, _FEWEST = 4.0, 12
+
+#: A mask is off by a pixel at either edge; the rest of a width is uncertain by this share.
+_PIXELS, _SHARE = 0.7, 0.04
+
+#: A radius that is known worse than this, relative, counts as unknown.
+KNOWN = 0.15
+
+#: Places in every interval where a curve is sampled to be moved.
+_SAMPLES = 6
+
+#: The ends of a strip are known to this share of its half width.
+_END = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class StrandFit:
+    """What a strip says of its object.
+
+    Attributes:
+        skeleton: the axis, from end to end.
+        radius: metres.
+        radius_std: its standard deviation, metres; 0 for a given one.
+        half_width: of the strip, metres.
+        widths: (P, 2) s and half width of stretches along it.
+        inliers: (M,) which points belong to the strip.
+        residuals: (M,) distance of the points from the surface along the view, positive towards the camera, metres.
+        s: (M,) foot coordinates in [0, 1].
+        noise: standard deviation along the view, metres.
+        shared: how many points share their noise.
+        position_std: (P,) of the axis at P even places from end to end, metres.
+        gaps: (s0, s1) of stretches without points.
+        max_curvature, max_curvature_s, curvature_std: of the sharpest bend, 1/m.
+    """
+
+    skeleton: Skeleton
+    radius: float
+    radius_std: float
+    half_width: float
+    widths: Array
+    inliers: BoolArray
+    residuals: Array
+    s: Array
+    noise: float
+    shared: float
+    position_std: Array
+    gaps: tuple[tuple[float, float], ...]
+    max_curvature: float
+    max_curvature_s: float
+    curvature_std: float
+
+    @property
+    def radius_known(self) -> bool:
+        """Whether the width tells the radius."""
+        return self.radius_std < KNOWN * self.radius
+
+
+def object_of(
+    strand: Strand, points: Array, rays: Array, radius: float | None, origin: Array, *, side: bool
+) -> StrandFit:
+    """The object that a strip is seen of.
+
+    Args:
+        strand: the strip.
+        points, rays: (3, M) as it was fitted to.
+        radius: the given one, metres.
+        origin: (3,) of the points, metres.
+        side: whether it is known from which side the strip is seen; if not, the line stays in its surface.
+    """
+    arc = arc_table(strand.curve)[1]
+    s = arc_at(arc, strand.x)
+    inlier = (strand.deviation < 1.0) & strand.on_curve
+    half_width, widths, spread = _half_width(s[inlier], strand.across[inlier], strand.half_width)
+    if radius is None:
+        pixel = float(np.sqrt(2.0 * half_width * strand.curve.length / max(np.count_nonzero(inlier), 1)))
+        used, radius_std = half_width, float(np.hypot(np.hypot(_PIXELS * pixel, _SHARE * half_width), spread))
+    else:
+        used, radius_std = radius, 0.0
+    behind = _BEHIND * used if side else 0.0
+    along = strand.sigma[0]
+    first, last = find_ends(s[inlier], 3.0 * strand.deviation[strand.on_curve], _END * half_width)
+    axis, scale = _behind(strand.curve, points, rays, strand.x, behind)
+    start, end = (float(np.interp(place, arc, scale)) for place in (first.position, last.position))
+    fitted = output_curve(axis, start, end, used)
+    length = float(arc_table(fitted)[1][-1])
+    skeleton = Skeleton(CubicBSpline(fitted.intervals + 3), fitted.coefficients, origin, length)
+    x, k, t, offset = foot_points(axis, points, strand.x, 2)
+    depth, across, _, _ = components(axis, k, t, offset, rays)
+    seen = np.sqrt(np.maximum(used**2 - across**2, 0.0)) if side else np.full(len(x), 0.0)
+    residual = -(depth + seen)
+    place = arc_at(arc_table(axis)[1], x)
+    kappa, s_kappa = sharpest_bend(fitted)
+    stds = _position_std(strand, np.linspace(first.position, last.position, 101), arc)
+    return StrandFit(
+        skeleton=skeleton,
+        radius=used,
+        radius_std=radius_std,
+        half_width=half_width,
+        widths=widths,
+        inliers=inlier & (s > first.position - 0.5 * half_width) & (s < last.position + 0.5 * half_width),
+        residuals=np.where(np.abs(across) < 2.0 * half_width, residual, np.hypot(depth, across) - used),
+        s=np.clip((place - start) / (end - start), 0.0, 1.0),
+        noise=along,
+        shared=strand.inflation[0],
+        position_std=np.hypot(stds, 0.15 * used + _BEHIND * radius_std if side else used),
+        gaps=find_gaps(s[inlier], first.position, last.position, half_width),
+        max_curvature=kappa,
+        max_curvature_s=s_kappa,
+        curvature_std=0.0,
+    )
+
+
+def _half_width(s: Array, across: Array, guess: float) -> tuple[float, Array, float]:
+    """Half the width of the strip, that of its stretches (P, 2), and the standard deviation of the former."""
+    stretch = (s / (_STRETCH * guess)).astype(np.intp)
+    order = np.argsort(stretch, kind="stable")
+    stretch, across = stretch[order], across[order]
+    starts = np.flatnonzero(np.append(True, np.diff(stretch) > 0))
+    rows = []
+    for number, part in zip(stretch[starts], np.split(across, starts[1:]), strict=True):
+        if len(part) >= _FEWEST:
+            rows.append(
+                (
+                    (number + 0.5) * _STRETCH * guess,
+                    float(np.quantile(np.abs(part - np.median(part)), _EDGE)) / _EDGE_AT,
+                )
+            )
+    widths = np.array(rows).reshape(-1, 2)
+    if len(widths) == 0:
+        return guess, widths, guess
+    usual = float(np.median(widths[:, 1]))
+    spread = 1.4826 * float(np.median(np.abs(widths[:, 1] - usual))) / np.sqrt(len(widths))
+    return usual, widths, spread
+
+
+def _behind(curve: TubeCurve, points: Array, rays: Array, x: Array, behind: float) -> tuple[TubeCurve, Array]:
+    """The curve moved along the view, and the arc lengths on it of the places of the table of the old one."""
+    samples = np.linspace(0.0, curve.intervals, curve.intervals * _SAMPLES + 1)
+    place, tangent = curve(samples).T, unit(curve(samples, 1)).T
+    # The view at a place of the curve is that of the points there.
+    order = np.argsort(x)
+    near = order[np.clip(np.searchsorted(x[order], samples), 0, len(x) - 1)]
+    view = rays[:, near]
+    ahead = view - column_dots(view, tangent) * tangent
+    ahead = unit(ahead.T).T
+    moved = through(place + behind * ahead, curve.intervals, curve.step)
+    return moved, arc_table(moved)[1]
+
+
+def _position_std(strand: Strand, at: Array, arc: Array) -> Array:
+    """Standard deviation of the line at arc lengths, metres: the larger one of the two directions across it."""
+    curve, solution = strand.curve, strand.solution
+    if solution is None:
+        return np.zeros(len(at))
+    grid = arc_table(curve)[0]
+    x = np.interp(at, arc, grid)
+    k = np.clip(x.astype(np.intp), 0, curve.intervals - 1)
+    values = spline_values(x - k)
+    stds = np.zeros((len(at), 3))
+    for c in range(3):
+        rows = np.zeros((len(at), curve.coefficients.size))
+        for q in range(4):
+            rows[np.arange(len(at)), 3 * (k + q) + c] = values[q]
+        stds[:, c] = np.sqrt(np.maximum(np.diag(solution.covariance(rows)), 0.0))
+    return stds.max(axis=1)

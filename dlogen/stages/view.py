@@ -1,0 +1,102 @@
+"""Where a cloud was seen from: what its file says, or what its points show."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dlogen.geometry.vectors import dots, unit
+from dlogen.types import Array
+
+#: Points of the cloud that are looked at for a pixel grid, and the decimals (relative) to which their ratios agree.
+_LOOKED_AT, _DECIMALS = 4000, 6
+
+#: On a pixel grid the points have far fewer distinct columns and rows than there are points.
+_FEWER = 0.5
+
+#: Vertices of a line whose points are looked at together: each is a radius from the next.
+_TOGETHER = 4
+
+
+def camera_at_origin(points: Array) -> bool:
+    """Whether the points are pixels of a pinhole camera at the origin of their frame, which looks along one axis.
+
+    Rays through the pixels have few distinct x / z and y / z, since there are only so many columns and rows; points of
+    anything else have as many as there are points.
+
+    Args:
+        points: (M, 3) as the file has them, any units.
+    """
+    some = points[:: -(-len(points) // _LOOKED_AT)]
+    if len(some) < 100:
+        return False
+    for axis in range(3):
+        depth = some[:, axis]
+        if not ((depth > 0.0).all() or (depth < 0.0).all()):
+            continue
+        others = np.delete(some, axis, axis=1) / depth[:, None]
+        distinct = [len(np.unique(np.round(column, _DECIMALS))) for column in others.T]
+        # Along a straight object all but one of the columns may be met by one point only.
+        if min(distinct) < _FEWER * len(some) and _on_grid(others):
+            return True
+    return False
+
+
+def _on_grid(ratios: Array) -> bool:
+    """Whether both ratios are multiples of one step, from some place on: (M, 2)."""
+    for column in ratios.T:
+        values = np.unique(np.round(column, _DECIMALS + 1))
+        steps = np.diff(values)
+        steps = steps[steps > 0.5 * 10.0**-_DECIMALS]
+        if len(steps) < 8:
+            return False
+        pixel = float(np.quantile(steps, 0.1))
+        place = (values - values[0]) / pixel
+        # The step itself is known to a part in so many only: neighbours tell better than places far apart.
+        apart = steps / pixel
+        if pixel < 1e-5 or np.mean(np.abs(apart - np.round(apart)) < 0.1) < 0.9 or len(place) < 8:
+            return False
+    return True
+
+
+def thin_direction(points: Array, line: Array) -> tuple[Array, float]:
+    """The direction in which a strip around a line is thinnest, and by how much: the view, up to its sign.
+
+    Args:
+        points: (M, 3) metres.
+        line: (K, 3) vertices in order through the middle of the strip, metres.
+
+    Returns:
+        A unit vector, and the ratio of the spread across it to that along it: 1 where all directions are alike.
+    """
+    index = cKDTree(line).query(points)[1]
+    tangent = unit(np.gradient(line, axis=0))[index]
+    offset = points - line[index]
+    offset -= dots(offset, tangent)[:, None] * tangent
+    # The line may be the axis, beside the strip.
+    group = index // _TOGETHER
+    count = np.maximum(np.bincount(group), 1)
+    offset -= np.stack([np.bincount(group, column) / count for column in offset.T], axis=1)[group]
+    # What is across the tangent counts; along it nothing is known, and takes part as the mean of the others.
+    squares = dots(offset, offset)
+    within = squares <= np.quantile(squares, 0.95)
+    offset, tangent, squares = offset[within], tangent[within], squares[within]
+    moment = offset.T @ offset
+    weight = np.eye(3) * len(offset) - tangent.T @ tangent
+    # The direction v of least v M v / v W v: the mean square of the offsets along v, where v is across the line.
+    values, vectors = np.linalg.eig(np.linalg.solve(weight + 1e-9 * len(offset) * np.eye(3), moment))
+    values, vectors = values.real, vectors.real
+    thinnest = int(np.argmin(values))
+    direction = vectors[:, thinnest] / np.linalg.norm(vectors[:, thinnest])
+    rest = (float(squares.sum()) - float(values[thinnest]) * float(direction @ weight @ direction)) / len(offset)
+    return direction, float(np.sqrt(max(rest, 0.0) / max(float(values[thinnest]), 1e-300)))
+
+
+def rays(points: Array, viewpoint: Array | None, direction: Array | None) -> Array | None:
+    """(3, M) unit vectors along which points (3, M) are seen, from a place or along one direction; None without both."""
+    if viewpoint is not None:
+        away = points - viewpoint[:, None]
+        return np.ascontiguousarray(unit(away.T).T)
+    if direction is not None:
+        return np.repeat(direction[:, None], points.shape[1], axis=1)
+    return None

@@ -17,16 +17,10 @@ import numpy as np
 
 from dlogen.errors import UsageError
 from dlogen.evaluation.centre_line import CentreLine
+from dlogen.evaluation.sensors.rendering import tube_depth
 from dlogen.evaluation.shapes import hose_centre_line
-from dlogen.geometry.vectors import dots
-from dlogen.types import Array, BoolArray, IntArray, RawCloud
+from dlogen.types import Array, BoolArray, RawCloud
 from dlogen.types.texts import millimetres
-
-#: Spheres along the axis this many radii apart: their union is within 1e-3 radii of a straight tube.
-_SPHERE_SPACING = 0.08
-
-#: Ray-sphere pairs that are worked on at a time.
-_PAIRS = 500_000
 
 
 @dataclass(frozen=True)
@@ -104,7 +98,7 @@ def capture(
     """
     seen = _before_camera(line, radius, distance)
     _refuse_bad_view(seen, radius, camera, distance)
-    object_depth, cosine = _tube_depth(seen, radius, camera)
+    object_depth, cosine = tube_depth(seen, radius, camera.rays, (camera.focal, camera.focal))
     is_object = object_depth < distance
     table = np.full(object_depth.shape, distance)
     scene = _sense(np.minimum(object_depth, table), rng, camera)
@@ -159,71 +153,6 @@ def _before_camera(line: CentreLine, radius: float, distance: float) -> CentreLi
     points = line.points(2000) @ turn.T
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     return line.moved(turn, np.array([-middle[0], -middle[1], distance - radius - points[:, 2].max()]))
-
-
-def _tube_depth(line: CentreLine, radius: float, camera: Camera) -> tuple[Array, Array]:
-    """Depth of the tube's nearest surface and the cosine of the angle at which it is seen; inf and 0 where none is.
-
-    The tube is a row of spheres, of which a ray hits the nearest; what a sphere at an end has beyond the end's plane is
-    cut off, and a disc put there instead.
-
-    Returns:
-        (height, width) each.
-    """
-    rays = camera.rays.reshape(-1, 3)
-    depth, cosine = np.full(len(rays), np.inf), np.zeros(len(rays))
-
-    def see(pixel: IntArray, t: Array, normal: Array) -> None:
-        """Keep what is nearer than what was there: pixels (K,), depths (K,), outward unit normals (K, 3)."""
-        # Of several values for one pixel the last one written stays: the nearest.
-        order = np.argsort(t)[::-1]
-        order = order[t[order] < depth[pixel[order]]]
-        pixel, ray = pixel[order], rays[pixel[order]]
-        depth[pixel] = t[order]
-        cosine[pixel] = -dots(normal[order], ray) / np.linalg.norm(ray, axis=1)
-
-    caps = [
-        (s, line(s)[0], direction * line.tangents(s)[0]) for s, direction in ((0.0, -1.0), (1.0, 1.0))
-    ]  # material coordinate, centre, outward normal
-    for _, end, outward in caps:
-        facing = np.flatnonzero(rays @ outward < 0.0)
-        t = (end @ outward) / (rays[facing] @ outward)
-        on_disc = np.linalg.norm(rays[facing] * t[:, None] - end, axis=1) <= radius
-        see(facing[on_disc], t[on_disc], np.broadcast_to(outward, (int(on_disc.sum()), 3)))
-
-    count = max(2, int(np.ceil(line.length / (_SPHERE_SPACING * radius))))
-    s = np.linspace(0.0, 1.0, count)
-    centres = line(s)
-    # A square of pixels around each centre that holds the whole sphere, perspective included.
-    reach = int(np.ceil(1.2 * camera.focal * radius / (float(centres[:, 2].min()) - radius))) + 1
-    square = np.arange(-reach, reach + 1)
-    offsets = np.stack(np.meshgrid(square, square), axis=-1).reshape(-1, 2)
-    middle = 0.5 * np.array([camera.width - 1, camera.height - 1])
-    block = max(1, _PAIRS // len(offsets))
-    for start in range(0, count, block):
-        part = centres[start : start + block]
-        place = np.round(camera.focal * part[:, :2] / part[:, 2:] + middle).astype(int)[:, None] + offsets
-        owner = np.repeat(np.arange(len(part)), len(offsets))
-        place = place.reshape(-1, 2)
-        inside = ((place >= 0) & (place < [camera.width, camera.height])).all(axis=1)
-        pixel: IntArray = place[inside, 0] + camera.width * place[inside, 1]
-        owner = owner[inside]
-        ray, centre = rays[pixel], part[owner]
-        # |t d - c|^2 = r^2 with d_z = 1, so that t is the depth.
-        a = dots(ray, ray)
-        b = dots(ray, centre)
-        root = b * b - a * (dots(centre, centre) - radius**2)
-        hit = root > 0.0
-        t = (b[hit] - np.sqrt(root[hit])) / a[hit]
-        pixel, owner, centre = pixel[hit], owner[hit] + start, centre[hit]
-        point = rays[pixel] * t[:, None]
-        kept = np.ones(len(t), dtype=bool)
-        for s_end, end, outward in caps:
-            at_end = np.abs(s[owner] - s_end) * line.length < 2.0 * radius
-            kept &= ~(at_end & ((point - end) @ outward > 0.0))
-        see(pixel[kept], t[kept], ((point - centre) / radius)[kept])
-    shape = (camera.height, camera.width)
-    return depth.reshape(shape), cosine.reshape(shape)
 
 
 def _sense(depth: Array, rng: np.random.Generator, camera: Camera) -> Array:

@@ -43,7 +43,9 @@ def random_shape(rng: np.random.Generator, radius: float, crossing: bool) -> tup
     while True:
         length = float(rng.uniform(0.5, 1.5)) * float(np.clip(radius / 0.005, 0.6, 1.6))
         s = np.linspace(0.0, length, 2000)
-        angle = rng.uniform(0.0, 2.0 * np.pi) + (rng.choice([-1.0, 1.0]) * rng.uniform(4.5, 7.0) * s / length if crossing else 0.0)
+        angle = rng.uniform(0.0, 2.0 * np.pi) + (
+            rng.choice([-1.0, 1.0]) * rng.uniform(4.5, 7.0) * s / length if crossing else 0.0
+        )
         for k in range(1, 5):
             angle = angle + rng.normal(0.0, 0.9 / k) * np.sin(np.pi * k * s / length + rng.uniform(0.0, 2.0 * np.pi))
         step = s[1]
@@ -126,7 +128,19 @@ def judge(name: str, seed: int, given: bool = False) -> Outcome:
     try:
         result = dlogen.fit(viewed, {"r": cloud.radius} if given else {})
     except DlogenError as error:
-        return Outcome(name, crossing, False, "refused", np.nan, allowed, True, time.perf_counter() - begin, len(cloud.points), f"{words}: {error}", covered(cloud))
+        return Outcome(
+            name,
+            crossing,
+            False,
+            "refused",
+            np.nan,
+            allowed,
+            True,
+            time.perf_counter() - begin,
+            len(cloud.points),
+            f"{words}: {error}",
+            covered(cloud),
+        )
     seconds = time.perf_counter() - begin
     line = result.skeleton_points
     right, length = order_right(line, truth, cloud.radius), float(np.linalg.norm(np.diff(truth, axis=0), axis=1).sum())
@@ -140,7 +154,17 @@ def judge(name: str, seed: int, given: bool = False) -> Outcome:
         f"{1e3 * distance.mean():.2f} of {1e3 * allowed:.2f} mm, r {1e3 * result.chain.radius:.2f}{'?' if unknown else ''} mm, {codes}"
     )
     return Outcome(
-        name, crossing, right and abs(share) < 0.02, result.quality.verdict, float(distance.mean()), allowed, radius_right, seconds, len(cloud.points), text, covered(cloud)
+        name,
+        crossing,
+        right and abs(share) < 0.02,
+        result.quality.verdict,
+        float(distance.mean()),
+        allowed,
+        radius_right,
+        seconds,
+        len(cloud.points),
+        text,
+        covered(cloud),
     )
 
 
@@ -170,9 +194,17 @@ def main() -> None:
     for name in options.sensor or SENSORS:
         outcomes = [judge(name, seed, options.given) for seed in range(options.seed, options.seed + options.count)]
         for number, outcome in enumerate(outcomes):
-            odd = not outcome.right or outcome.verdict in ("bad", "refused") or outcome.mean > outcome.allowed or not outcome.radius_right
+            odd = (
+                not outcome.right
+                or outcome.verdict in ("bad", "refused")
+                or outcome.mean > outcome.allowed
+                or not outcome.radius_right
+            )
             if odd:
-                print(f"  {options.seed + number:4d} {'right' if outcome.right else 'WRONG'} {outcome.verdict} {outcome.text}", flush=True)
+                print(
+                    f"  {options.seed + number:4d} {'right' if outcome.right else 'WRONG'} {outcome.verdict} {outcome.text}",
+                    flush=True,
+                )
         right = [o for o in outcomes if o.right]
         print(
             f"{name}: right {len(right)} of {len(outcomes)} (crossings {sum(o.right for o in outcomes if o.crossing)} of "

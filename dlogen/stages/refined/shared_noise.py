@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dlogen.types import Array
+from dlogen.types import Array, BoolArray, IntArray
 
 #: Lengths of the blocks whose means are looked at, in radii.
 _BLOCKS = (0.5, 1.0, 2.0, 4.0, 8.0)
@@ -45,3 +45,29 @@ def inflation(s: Array, residual: Array, radius: float) -> float:
             break
         largest = max(largest, float(np.mean(total[full] ** 2 / count[full])) / variance)
     return largest
+
+
+#: Size of the patches of a surface, in radii.
+PATCH = 0.7
+
+
+def patch_inflation(patch: IntArray, residual: Array, inside: BoolArray) -> float:
+    """The same for patches of a surface: variance of their means over that of means of independent residuals.
+
+    Args:
+        patch: (M,) the patch that each point belongs to.
+        residual: (M,) metres.
+        inside: (M,) which points count.
+
+    Returns:
+        At least one.
+    """
+    patch, residual = patch[inside], residual[inside]
+    residual = residual - np.median(residual)
+    variance = float(np.mean(residual**2))
+    count = np.bincount(patch)
+    full = count >= _FEWEST
+    if full.sum() < _FEWEST_BLOCKS or not variance > 0.0:
+        return 1.0
+    means = np.bincount(patch, residual)[full] ** 2 / count[full]
+    return max(1.0, float(np.mean(means)) / variance)

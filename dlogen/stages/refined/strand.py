@@ -20,6 +20,7 @@ from dlogen.stages.refined.shared_noise import inflation
 from dlogen.stages.refined.support import on_support
 from dlogen.stages.refined.tube import robust_scale, tukey
 from dlogen.stages.refined.tube_curve import (
+    SAMPLES,
     TubeCurve,
     arc_at,
     arc_table,
@@ -27,6 +28,7 @@ from dlogen.stages.refined.tube_curve import (
     foot_points,
     from_polyline,
     nearest,
+    through,
 )
 from dlogen.types import Array, BoolArray
 
@@ -35,6 +37,9 @@ _COARSE, _FINE, _MOST = 4.0, 2.0, 256
 
 #: Rounds at first, which follow the ends, and rounds of the fit proper.
 _ROUGH_ROUNDS, _ROUNDS = 5, 5
+
+#: Distance of the knots of a line that follows the shape of the object but not the noise, in half widths.
+_SHAPE = 12.0
 
 #: Points are near the strand up to so many half widths across the view.
 _NEAR = 2.5
@@ -94,13 +99,49 @@ def fit_strand(points: Array, rays: Array, backbone: Array, half_width: float) -
         if step >= 1 and grown.curve.length < strand.curve.length + 0.5 * half_width:
             break
         strand = grown
-    strand = _supported(strand, 0.7, _FINE * half_width)
-    # Depth counts for little until the line across the view says how smooth the object is.
-    strand = replace(strand, inflation=(1000.0, 1.0), smoothing=None)
+    shared = _shared_depth(points, rays, strand)
+    strand = replace(_supported(strand, 0.7, _FINE * half_width), smoothing=None)
     for step in range(_ROUNDS):
-        strand = _step(points, rays, strand, search=step == 0)
-        strand = _judged(strand)
-    return _step(points, rays, strand)
+        strand = _step(points, rays, _worth(strand, shared), search=step == 0)
+    return strand
+
+
+def _worth(strand: Strand, shared: float) -> Strand:
+    """The strand with how many of its points are worth one, along the view and across it.
+
+    Args:
+        strand: as it is.
+        shared: variance of sums of depths over the number of their points, square metres.
+    """
+    if strand.solution is None or strand.smoothing is None:
+        across = 1.0
+    else:
+        s = arc_at(arc_table(strand.curve)[1], strand.x)
+        good = (strand.deviation < 1.0) & strand.on_curve
+        across = inflation(s[good], strand.across[good], strand.half_width)
+    return replace(strand, inflation=(max(shared / strand.sigma[0] ** 2, 1.0), across))
+
+
+def _shared_depth(points: Array, rays: Array, strand: Strand) -> float:
+    """Variance of sums of depths over the number of their points, about a line with few knots, square metres.
+
+    A line that is free to follow what neighbours share would hide it, and one that is told what they share could be
+    smoothed on and on: so the line that tells it has knots in fixed places.
+    """
+    curve = strand.curve
+    few = max(6, round(curve.length / (_SHAPE * strand.half_width)))
+    places = np.linspace(0.0, curve.intervals, few * SAMPLES + 1)
+    coarse = through(curve(places).T, few, curve.length / few)
+    x, k, t, offset = foot_points(curve, points, strand.x)
+    at = x * (few / curve.intervals)
+    depth, across, ahead, _ = components(curve, k, t, offset, rays)
+    depth = depth + column_dots(curve(x).T - coarse(at).T, ahead)
+    good = (np.abs(across) < 1.2 * strand.half_width) & (x > 0.0) & (x < curve.intervals)
+    depth = depth - np.median(depth[good])
+    good &= np.abs(depth) < 4.0 * robust_scale(depth[good])
+    return (
+        inflation(arc_at(arc_table(curve)[1], x)[good], depth[good], strand.half_width) * robust_scale(depth[good]) ** 2
+    )
 
 
 def _step(points: Array, rays: Array, strand: Strand, *, search: bool = False, least: float = LOG_LAMBDA[0]) -> Strand:
@@ -148,13 +189,3 @@ def _supported(strand: Strand, margin: float, spacing: float) -> Strand:
     inlier = (strand.deviation < 1.0) & strand.on_curve
     curve, x = on_support(strand.curve, strand.x, inlier, strand.half_width, margin, spacing, _MOST)
     return replace(strand, curve=curve, x=x)
-
-
-def _judged(strand: Strand) -> Strand:
-    """The strand with what its points are worth, from what neighbours have in common."""
-    s = arc_at(arc_table(strand.curve)[1], strand.x)
-    good = (strand.deviation < 1.0) & strand.on_curve
-    worth = tuple(
-        max(1.0, inflation(s[good], residual[good], strand.half_width)) for residual in (strand.depth, strand.across)
-    )
-    return replace(strand, inflation=worth)

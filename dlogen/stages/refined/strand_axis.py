@@ -12,7 +12,7 @@ from dlogen.geometry.vectors import column_dots, unit
 from dlogen.stages.refined.ends import find_ends, find_gaps
 from dlogen.stages.refined.output_curve import output_curve, sharpest_bend
 from dlogen.stages.refined.strand import Strand, components
-from dlogen.stages.refined.tube_curve import TubeCurve, arc_at, arc_table, foot_points, through
+from dlogen.stages.refined.tube_curve import SAMPLES, TubeCurve, arc_at, arc_table, foot_points, through
 from dlogen.types import Array, BoolArray, Skeleton
 
 #: The axis is behind the mean depth of the seen half of a tube by this many radii: the mean of sqrt(1 - w^2) over the
@@ -31,9 +31,6 @@ _PIXELS, _SHARE = 0.7, 0.04
 
 #: A radius that is known worse than this, relative, counts as unknown.
 KNOWN = 0.15
-
-#: Places in every interval where a curve is sampled to be moved.
-_SAMPLES = 6
 
 #: The ends of a strip are known to this share of its half width.
 _END = 0.3
@@ -161,7 +158,7 @@ def _half_width(s: Array, across: Array, guess: float) -> tuple[float, Array, fl
 
 def _behind(curve: TubeCurve, points: Array, rays: Array, x: Array, behind: float) -> tuple[TubeCurve, Array]:
     """The curve moved along the view, and the arc lengths on it of the places of the table of the old one."""
-    samples = np.linspace(0.0, curve.intervals, curve.intervals * _SAMPLES + 1)
+    samples = np.linspace(0.0, curve.intervals, curve.intervals * SAMPLES + 1)
     place, tangent = curve(samples).T, unit(curve(samples, 1)).T
     # The view at a place of the curve is that of the points there.
     order = np.argsort(x)

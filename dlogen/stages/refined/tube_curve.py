@@ -17,7 +17,7 @@ from dlogen.geometry.vectors import column_dots, unit
 from dlogen.types import Array, IntArray
 
 #: Where a curve is sampled within every interval when another one is put through it.
-_SAMPLES = 6
+SAMPLES = 6
 
 #: Cells of the table of arc lengths in every interval.
 _CELLS = 4
@@ -111,7 +111,7 @@ class TubeCurve:
 @lru_cache(maxsize=32)
 def _interpolator(intervals: int, smoothing: float) -> tuple[Array, IntArray, Array]:
     """Factor of the least-squares fit of n + 3 coefficients to samples at the same places in every interval."""
-    x = np.linspace(0.0, intervals, intervals * _SAMPLES + 1)
+    x = np.linspace(0.0, intervals, intervals * SAMPLES + 1)
     k = np.minimum(x.astype(np.intp), intervals - 1)
     values = spline_values(x - k)
     size = intervals + 3
@@ -187,7 +187,7 @@ def reparametrised(
     grid, length, speed = arc_table(curve)
     end = float(length[-1]) if end is None else end
     intervals = intervals or curve.intervals
-    at = np.linspace(start, end, intervals * _SAMPLES + 1)
+    at = np.linspace(start, end, intervals * SAMPLES + 1)
     inside = np.clip(at, 0.0, length[-1])
     samples = curve(_inverse(grid, length, speed, inside)).T
     if start < 0.0 or end > length[-1]:
@@ -217,7 +217,7 @@ def from_polyline(points: Array, spacing: float, extension: float, smoothing: fl
     points = points[np.concatenate([[True], segment_lengths(points) > 0.0])]
     length = arc_lengths(points)
     intervals = max(4, round(length[-1] / spacing))
-    at = np.linspace(0.0, length[-1], intervals * _SAMPLES + 1)
+    at = np.linspace(0.0, length[-1], intervals * SAMPLES + 1)
     curve = through(at_arc_lengths(points, length, at).T, intervals, float(length[-1]) / intervals, smoothing)
     total = float(arc_table(curve)[1][-1])
     return reparametrised(curve, max(4, round((total + 2.0 * extension) / spacing)), -extension, total + extension)

@@ -9,7 +9,9 @@ import numpy as np
 from dlogen.errors import FitError
 from dlogen.geometry.vectors import column_dots
 from dlogen.stages.refined.linearisation import LOG_LAMBDA, Linearisation
+from dlogen.stages.refined.medial import cells
 from dlogen.stages.refined.normal_equations import NormalEquations, normal_equations
+from dlogen.stages.refined.shared_noise import PATCH, patch_inflation
 from dlogen.stages.refined.tube import Tube, expected_distance, median, robust_scale, tukey
 from dlogen.stages.refined.tube_curve import (
     TubeCurve,
@@ -64,6 +66,7 @@ def gauss_newton(
     smoothing, solution = tube.smoothing, tube.solution
     if search:
         x = nearest(curve, points, 0.5 * radius)
+    patch = cells(points.T, PATCH * radius)[0]
     for step in range(steps):
         if step > 0:
             curve = evened(curve)
@@ -87,7 +90,8 @@ def gauss_newton(
             # A wrong radius shifts all residuals; only their spread about that is noise.
             sigma = min(scale, robust_scale(inside - median(inside)))
             weight = np.where(near, tukey(residual, max(scale, floor * radius)), 0.0)
-            sums = normal_equations(k, t, direction, residual, weight, curve.intervals)
+            worth = 1.0 / patch_inflation(patch, residual, near & (np.abs(residual) < 4.0 * scale))
+            sums = normal_equations(k, t, direction, residual, weight, curve.intervals).scaled(worth, worth)
         problem = Linearisation(curve, sums, free_radius)
         solution = problem.best(smoothing, _LOG_ROUGH if floor >= 0.1 else LOG_LAMBDA[0])
         smoothing = solution.smoothing

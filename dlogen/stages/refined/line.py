@@ -25,6 +25,7 @@ from dlogen.stages.quality.findings import CLOSED_RING, SIDE_BY_SIDE
 from dlogen.stages.refined.fit_findings import fit_findings
 from dlogen.stages.refined.ordering import Ordering, order
 from dlogen.stages.refined.refine import Refined, refine
+from dlogen.stages.refined.regime import is_doubted, shows_surface
 from dlogen.stages.refined.strand_axis import StrandFit
 from dlogen.stages.refined.strand_line import strand_findings, strand_fit
 from dlogen.stages.scale import estimate_scale
@@ -65,15 +66,32 @@ def refined_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:
         ordering = order(points, known, scale)
 
     with clock.stage("refine"):
-        seen = strand_fit(points, cloud.viewpoint, ordering, known) if ordering.noisy else None
-        if seen is None:
-            try:
-                fitted = refine(points, ordering.backbone, ordering.radius, fixed_radius=known is not None)
-            except FitError as reason:
-                raise explained(reason, ordering.findings) from reason
-    if seen is not None:
-        return _of_strand(points, ordering, *seen, config)
-    return _of_surface(points, ordering, fitted, config)
+        fitted = _fitted(cloud, ordering, known)
+    if isinstance(fitted, Refined):
+        return _of_surface(points, ordering, fitted, config)
+    return _of_strand(points, ordering, *fitted, config)
+
+
+def _fitted(cloud: Cloud, ordering: Ordering, known: float | None) -> Refined | tuple[StrandFit, bool]:
+    """The tube, or the strip where the noise hides the surface; with the latter, whether its side is known."""
+    points = cloud.points
+    failed = None
+    try:
+        fitted = refine(points, ordering.backbone, ordering.radius, fixed_radius=known is not None)
+        if not ordering.noisy and not is_doubted(fitted):
+            return fitted
+    except FitError as reason:
+        fitted, failed = None, reason
+    try:
+        seen = strand_fit(points, cloud.viewpoint, ordering, known)
+    except FitError:
+        seen = None
+    if seen is not None and (fitted is None or not shows_surface(fitted, seen[0])):
+        return seen
+    if fitted is None:
+        assert failed is not None
+        raise explained(failed, ordering.findings) from failed
+    return fitted
 
 
 def _of_strand(points: Array, ordering: Ordering, fit: StrandFit, side: bool, config: Config) -> FittedLine:

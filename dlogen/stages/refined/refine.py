@@ -76,6 +76,7 @@ class Refined:
         residuals: (M,) distance to the tube's surface, positive outside, metres.
         s: (M,) foot coordinates in [0, 1]; for points beyond the ends 0 or 1.
         noise: standard deviation of the distances of the tube's points to its surface, metres.
+        shared: how many points are worth one independent one, since neighbours share their noise.
         end_std: standard deviations of the places of the two ends along the axis, metres.
         max_curvature: the largest curvature, 1/m.
         max_curvature_s: where it is.
@@ -93,6 +94,7 @@ class Refined:
     residuals: Array
     s: Array
     noise: float
+    shared: float
     end_std: tuple[float, float]
     max_curvature: float
     max_curvature_s: float
@@ -236,7 +238,7 @@ def _on_support(tube: Tube, margin: float, spacing: float, most: int) -> Tube:
     """The tube with its curve cut or extended to where the points are, see `on_support`."""
     inlier = (np.abs(tube.residual) < max(3.0 * tube.sigma, 0.2 * tube.radius)) & tube.on_curve
     curve, x = on_support(tube.curve, tube.x, inlier, tube.radius, margin, spacing, most)
-    return Tube(curve, tube.radius, tube.sigma, x, tube.distance, tube.smoothing)
+    return replace(tube, curve=curve, x=x, solution=None)
 
 
 def _result(tube: Tube, whole: Tube, shared: BoolArray, origin: Array, fixed_radius: bool) -> Refined:
@@ -287,6 +289,7 @@ def _result(tube: Tube, whole: Tube, shared: BoolArray, origin: Array, fixed_rad
         residuals=whole.distance - radius,
         s=np.clip((s - start) / (end - start), 0.0, 1.0),
         noise=sigma,
+        shared=tube.shared,
         end_std=(first.std, last.std),
         max_curvature=kappa,
         max_curvature_s=s_kappa,

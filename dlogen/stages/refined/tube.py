@@ -29,6 +29,7 @@ class Tube:
         smoothing: see `Solution`; None as long as it is not known.
         solution: the last step of the fit, for covariances.
         solid: the axis was fitted to the points themselves, since noise of the size of the radius hides the surface.
+        shared: how many points are worth one independent one, since neighbours share their noise.
     """
 
     curve: TubeCurve
@@ -39,6 +40,7 @@ class Tube:
     smoothing: float | None = None
     solution: Solution | None = None
     solid: bool = False
+    shared: float = 1.0
 
     @property
     def residual(self) -> Array:

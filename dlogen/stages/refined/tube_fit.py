@@ -63,7 +63,7 @@ def gauss_newton(
         FitError: hardly any points near the curve.
     """
     curve, radius, sigma, x = tube.curve, tube.radius, tube.sigma, tube.x
-    smoothing, solution = tube.smoothing, tube.solution
+    smoothing, solution, shared = tube.smoothing, tube.solution, tube.shared
     if search:
         x = nearest(curve, points, 0.5 * radius)
     patch = cells(points.T, PATCH * radius)[0]
@@ -90,8 +90,8 @@ def gauss_newton(
             # A wrong radius shifts all residuals; only their spread about that is noise.
             sigma = min(scale, robust_scale(inside - median(inside)))
             weight = np.where(near, tukey(residual, max(scale, floor * radius)), 0.0)
-            worth = 1.0 / patch_inflation(patch, residual, near & (np.abs(residual) < 4.0 * scale))
-            sums = normal_equations(k, t, direction, residual, weight, curve.intervals).scaled(worth, worth)
+            shared = patch_inflation(patch, residual, near & (np.abs(residual) < 4.0 * scale))
+            sums = normal_equations(k, t, direction, residual, weight, curve.intervals).scaled(1.0 / shared, 1.0 / shared)
         problem = Linearisation(curve, sums, free_radius)
         solution = problem.best(smoothing, _LOG_ROUGH if floor >= 0.1 else LOG_LAMBDA[0])
         smoothing = solution.smoothing
@@ -100,7 +100,7 @@ def gauss_newton(
         # The next step would be some ten times smaller again.
         if step < steps - 1 and problem.moved(solution) < _STILL * radius + _STILL_NOISE * sigma:
             break
-    return Tube(curve, radius, sigma, x, distance, smoothing, solution, tube.solid)
+    return Tube(curve, radius, sigma, x, distance, smoothing, solution, tube.solid, shared)
 
 
 def _solid_normals(
@@ -129,6 +129,8 @@ def all_points(points: Array, tube: Tube, *, free_radius: bool, steps: int, sear
     Returns:
         The tube with x and distance of every point to its curve.
     """
+    # The more points there are, the more of them share their noise.
+    shared = 1.0 + (tube.shared - 1.0) * points.shape[1] / len(tube.x)
     x = nearest_by_cells(tube.curve, points, 0.5 * tube.radius) if search else tube.x.copy()
     distance = np.empty(len(x))
     for step in range(steps + 1):
@@ -150,8 +152,9 @@ def all_points(points: Array, tube: Tube, *, free_radius: bool, steps: int, sear
         near = (x > 0.0) & (x < curve.intervals) & (np.abs(residual) < radius)
         if np.count_nonzero(near) < _FEWEST:
             raise FitError("the line that was found is not near the points", "check r and units", stage="refine")
-        tube = replace(tube, sigma=robust_scale(residual[near]), x=x, distance=distance)
+        tube = replace(tube, sigma=robust_scale(residual[near]), x=x, distance=distance, shared=shared)
         if sums is not None:
+            sums = sums.scaled(1.0 / shared, 1.0 / shared)
             solution = Linearisation(curve, sums, free_radius).best(tube.smoothing)
             tube = replace(
                 tube,

@@ -1,0 +1,63 @@
+"""What a cloud shows of an object: its surface, or only a strip as wide as it is.
+
+Where the noise is well below the radius, a tube is fitted to the surface. Where it is not, or where neighbours share so
+much of it that the tube follows it, the width of the strip and its middle say more (`dlogen.stages.refined.strand`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dlogen.geometry.vectors import dots, unit
+from dlogen.stages.refined.refine import Refined
+from dlogen.stages.refined.strand_axis import StrandFit
+from dlogen.types import Skeleton
+
+#: Noise over radius from which on a surface is doubted, and beyond which it is none.
+DOUBTED, _HIDDEN = 0.04, 0.35
+
+#: A tube that bends so tightly, curvature times radius, follows noise: cables break before.
+_TIGHT = 0.6
+
+#: Wiggles of the tube about the strip, in radii: where neighbours share their noise, and at all.
+_WIGGLES, _APART = 0.1, 0.3
+
+#: How many points share their noise, for the former; and the relative difference of the two lengths.
+_SHARED, _LONGER = 5.0, 0.015
+
+#: Places where the two lines are compared, and how many of them at either end are left out.
+_PLACES, _ENDS = 500, 20
+
+
+def is_doubted(fit: Refined) -> bool:
+    """Whether the noise of a tube is so large that the strip has to be looked at, too."""
+    return fit.noise > DOUBTED * fit.radius or fit.max_curvature * fit.radius > _TIGHT
+
+
+def shows_surface(fit: Refined, strip: StrandFit) -> bool:
+    """Whether the tube says more than the strip does.
+
+    Args:
+        fit: the tube, fitted to the surface.
+        strip: the strip, fitted to the same points.
+    """
+    if fit.noise > _HIDDEN * fit.radius or fit.max_curvature * fit.radius > _TIGHT:
+        return False
+    apart = wiggles(fit.skeleton, strip.skeleton) / fit.radius
+    if fit.shared > _SHARED and apart > _WIGGLES:
+        return False
+    longer = abs(fit.skeleton.length / strip.skeleton.length - 1.0)
+    return apart < _APART and (longer < _LONGER or fit.shared < _SHARED)
+
+
+def wiggles(line: Skeleton, other: Skeleton) -> float:
+    """Root mean square distance of a line from another, less what it is everywhere, metres."""
+    s = np.linspace(0.0, 1.0, _PLACES)
+    there = other(s)
+    nearest = cKDTree(there).query(line(s))[1]
+    tangent = unit(np.gradient(there, axis=0))[nearest]
+    offset = line(s) - there[nearest]
+    offset = (offset - dots(offset, tangent)[:, None] * tangent)[_ENDS:-_ENDS]
+    offset -= offset.mean(axis=0)
+    return float(np.sqrt(dots(offset, offset).mean()))

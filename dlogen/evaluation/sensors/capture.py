@@ -11,7 +11,7 @@ from dlogen.errors import UsageError
 from dlogen.evaluation.centre_line import CentreLine, from_points
 from dlogen.evaluation.sensors.models import SENSORS, Sensor
 from dlogen.evaluation.sensors.noise import ExactView, grown_mask, hole_pattern, measured
-from dlogen.evaluation.sensors.rendering import tube_depth
+from dlogen.evaluation.sensors.rendering import exact_depth
 from dlogen.geometry.rotations import quaternion
 from dlogen.types import Array, BoolArray, RawCloud
 
@@ -82,7 +82,7 @@ class Look:
     def exact(self, grid: Sensor) -> ExactView:
         """What the rays of the sensor, or of the colour image beside it, meet."""
         rays = grid.rays()
-        tube, cosine = tube_depth(self.seen_line, self.radius, rays, grid.focal)
+        tube, cosine = exact_depth(self.seen_line, self.radius, rays, grid.focal)
         downward = rays @ self.rotation[2]
         table = np.full(tube.shape, np.inf)
         np.divide(-self.position[2], downward, out=table, where=downward < 0.0)

@@ -90,11 +90,13 @@ def thinned(points: Array, is_object: BoolArray, voxel: float, voxel_point: str)
     mostly: BoolArray = 2 * np.bincount(owner, is_object) >= count
     if voxel_point == "centre":
         return (cubes + 0.5) * voxel, mostly
-    return np.stack([np.bincount(owner, axis) for axis in points.T], axis=1) / count[:, None], mostly
+    centroids: Array = np.stack([np.bincount(owner, axis) for axis in points.T], axis=1) / count[:, None]
+    return centroids, mostly
 
 
 def _displaced(points: Array, registration: float, extent: float, rng: np.random.Generator) -> Array:
     """Points moved and turned a little about the origin, as by a registration that is not exact."""
     shift, turn = rng.normal(scale=registration, size=(2, 3))
     # Turns this small add up as vectors.
-    return points + shift + np.cross(turn / max(extent, registration), points)
+    moved: Array = points + shift + np.cross(turn / max(extent, registration), points)
+    return moved

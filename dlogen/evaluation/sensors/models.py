@@ -172,8 +172,8 @@ AZURE_KINECT = Sensor(
 
 # Keselman et al. (2017), "Intel RealSense Stereoscopic Depth Cameras", CVPR workshops; Ahn et al. (2019), "Analysis
 # and Noise Modeling of the Intel RealSense D435 for Mobile Robots": disparity of 0.08 pixels RMS on a textured plane,
-# baseline 50 mm; 90 degrees over 1280 pixels. Set by real frames of a rope of one colour at 0.46 m: correlation, twice
-# the noise of the plane, window, threshold and its variation.
+# baseline 50 mm; 90 degrees over 1280 pixels. Set by real frames of a rope of one colour at 0.46 m: the correlation,
+# 2.2 times the noise of the plane, window, threshold and its variation, and how a mask by colour wanders.
 REALSENSE_D435 = Sensor(
     name="realsense-d435",
     width=1280,
@@ -187,14 +187,14 @@ REALSENSE_D435 = Sensor(
     disparity_step=1.0 / 32.0,
     depth_unit=0.001,
     correlation=10.5,
-    plain=2.0,
+    plain=2.2,
     window=7,
-    threshold=0.25,
+    threshold=0.2,
     threshold_std=0.08,
-    mixing=0.2,
+    mixing=0.15,
     grazing=0.1,
     fixed=0.5,
-    mask_edge=1.0,
+    mask_edge=0.8,
     colour_focal=918.0,
 )
 
@@ -218,8 +218,8 @@ REALSENSE_L515 = Sensor(
     mask_edge=1.0,
 )
 
-# The maker's data sheet: baseline 120 mm, 1280 x 720 with f = 530 pixels, better than 1 % up to 3 m; that is 0.2 pixels.
-# The matching is passive and smooths strongly; depths are floating point numbers.
+# The maker's data sheet: baseline 120 mm, 1280 x 720 with f = 530 pixels, better than 1 % up to 3 m, which is 0.2
+# pixels. The matching is passive and smooths strongly; depths are floating point numbers.
 ZED2 = Sensor(
     name="zed2",
     width=1280,
@@ -256,7 +256,7 @@ STRUCTURED_LIGHT = Sensor(
     mixing=0.3,
     grazing=0.25,
     fixed=0.2,
-    mask_edge=1.0,
+    mask_edge=0.3,
 )
 
 # Makers' data sheets of profile scanners: 0.01 mm; a scan of a 25 mm tube had that residual.

@@ -116,10 +116,9 @@ def _mixing(view: ExactView, sensor: Sensor, rng: np.random.Generator) -> tuple[
     total = ndimage.uniform_filter(np.where(shown, view.tube, 0.0), sensor.window, mode="constant")
     near = share > 1e-9
     mean = np.divide(total, share, out=np.zeros_like(total), where=near)
-    threshold = sensor.threshold
+    threshold = np.full_like(share, sensor.threshold)
     if sensor.threshold_std:
-        patches, _ = smooth_noise(rng.standard_normal(share.shape), sensor.window)
-        threshold = threshold + sensor.threshold_std * patches
+        threshold += sensor.threshold_std * smooth_noise(rng.standard_normal(share.shape), sensor.window)[0]
     weight = np.clip((share - threshold) / max(sensor.mixing, 1e-9) + 0.5, 0.0, 1.0)
     return mean, np.where(near, weight, 0.0)
 

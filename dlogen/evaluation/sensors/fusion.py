@@ -89,7 +89,8 @@ def thinned(points: Array, is_object: BoolArray, voxel: float, voxel_point: str)
     owner = owner.ravel()
     mostly: BoolArray = 2 * np.bincount(owner, is_object) >= count
     if voxel_point == "centre":
-        return (cubes + 0.5) * voxel, mostly
+        centres = np.asarray((cubes + 0.5) * voxel, dtype=float)
+        return centres, mostly
     centroids: Array = np.stack([np.bincount(owner, axis) for axis in points.T], axis=1) / count[:, None]
     return centroids, mostly
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from dlogen.evaluation.centre_line import CentreLine
 from dlogen.evaluation.shapes import shape_by_name
-from dlogen.geometry.vectors import dots
+from dlogen.geometry.vectors import dots, unit
 from dlogen.types import Array, BoolArray
 from dlogen.types.short_repr import ShortRepr
 
@@ -32,6 +32,7 @@ class SyntheticCloud(ShortRepr):
         is_stray: (M,) which points do not belong to the tube.
         truth: the axis.
         radius: of the tube, metres.
+        viewpoint: (7,) pose of the sensor that saw the points, x y z qw qx qy qz; None for points without one.
 
     >>> import dlogen, numpy as np
     >>> cloud = dlogen.synth("straight", points=100)
@@ -46,6 +47,7 @@ class SyntheticCloud(ShortRepr):
     is_stray: BoolArray
     truth: CentreLine
     radius: float
+    viewpoint: Array | None = None
 
 
 def synth(
@@ -56,6 +58,7 @@ def synth(
     seed: int = 0,
     length: float | None = None,
     bend_radius: float | None = None,
+    camera: str | None = None,
     **sampling: Any,
 ) -> SyntheticCloud:
     """A cloud of a tube whose axis is known; `dlogen synth` writes the same points, rounded to 1e-7 m.
@@ -68,24 +71,48 @@ def synth(
         seed: of everything random.
         length: of random, loop, coil (1.4 each) and hose (1.7), metres.
         bend_radius: smallest radius of curvature of random and hose, metres.
-        sampling: further arguments of `sample_tube`: noise, stray_fraction, gaps, density_ratio, side, caps.
+        camera: name of a sensor that sees the object on a table, a key of `dlogen.evaluation.sensors.models.SENSORS`
+            (realsense-d435, kinect-v2, ...); None for points anywhere on the tube. It decides the number of points.
+        sampling: further arguments of `sample_tube`: noise, stray_fraction, gaps, density_ratio, side, caps; or, with a
+            camera, of `dlogen.evaluation.sensors.fusion.fused_cloud`: distance, tilt, mask_grow, holes, frames, views,
+            registration, voxel, voxel_point, world.
 
     Returns:
-        The points (M, 3) in metres with their true normals and coordinates, and the true axis.
+        The points (M, 3) in metres with their true normals and coordinates, and the true axis. With a camera, in its
+        frame and cut out by a mask; points in which the mask has the table are strays.
 
     Raises:
         ValueError: there is no such shape, or a size is not possible.
 
-    >>> import dlogen
+    >>> import dlogen, numpy as np
     >>> cloud = dlogen.synth("helical", points=1000, noise=0.001)
     >>> cloud.points.shape, round(cloud.truth.length, 3)
     ((1000, 3), 4.739)
+    >>> rope = dlogen.synth("hose", length=1.0, bend_radius=0.08, diameter=0.006, camera="realsense-d435", mask_grow=1)
+    >>> 0.4 < float(np.median(rope.points[:, 2])) < 0.5
+    True
     """
     rng = np.random.default_rng(seed)
     line = shape
     if isinstance(line, str):
         line = shape_by_name(line, rng, diameter=diameter, length=length, bend_radius=bend_radius)
-    return sample_tube(line, 0.5 * diameter, points, rng, **sampling)
+    if camera is None:
+        return sample_tube(line, 0.5 * diameter, points, rng, **sampling)
+    return _seen(line, 0.5 * diameter, camera, rng, sampling)
+
+
+def _seen(
+    line: CentreLine, radius: float, camera: str, rng: np.random.Generator, options: dict[str, Any]
+) -> SyntheticCloud:
+    """What a sensor sees, with the truth about each point: of the place on the axis that is nearest to it."""
+    from dlogen.evaluation.sensors.fusion import fused_cloud
+
+    cloud = fused_cloud(line, radius, camera, seed=rng, **options)
+    s, _ = cloud.line.nearest(cloud.points)
+    normals = unit(cloud.points - cloud.line(s))
+    stray = ~cloud.is_object
+    normals[stray], s[stray] = np.nan, np.nan
+    return SyntheticCloud(cloud.points, normals, s, stray, cloud.line, radius, cloud.viewpoint)
 
 
 def sample_tube(

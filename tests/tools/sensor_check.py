@@ -121,8 +121,10 @@ def _correlation(a: np.ndarray, b: np.ndarray) -> float:
 def simulated(nodes: np.ndarray, radius: float, seed: int) -> tuple[np.ndarray, CentreLine]:
     """The same rope seen by the simulated sensor: points in its frame, true axis."""
     world = nodes * [1.0, -1.0, -1.0]
-    world[:, 2] = 0.0
-    distance = float(np.median(nodes[:, 2])) + radius
+    for _ in range(3):  # without the noise of the nodes, but lifted where the rope was
+        height = np.pad(world[:, 2], 2, mode="edge")
+        world[:, 2] = np.convolve(height, np.full(5, 0.2), mode="valid")
+    distance = float(-world[:, 2].min()) + radius
     axis = resample(world, 40)
     cloud = sensor_cloud(axis, radius, "realsense-d435", distance=distance, seed=seed)
     return cloud.points, cloud.line
@@ -131,7 +133,7 @@ def simulated(nodes: np.ndarray, radius: float, seed: int) -> tuple[np.ndarray, 
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--radius", type=float, default=0.003)
+    parser.add_argument("--radius", type=float, default=0.00265)
     parser.add_argument("--frames", type=int, default=100)
     options = parser.parse_args()
     real, made = [], []

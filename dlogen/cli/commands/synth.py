@@ -14,6 +14,7 @@ from click.core import ParameterSource
 from dlogen.cli.console import Console, print_json
 from dlogen.cli.main import Command
 from dlogen.cli.options import encoding_option, units_option
+from dlogen.cli.sensor_options import cuts_out, refuse_contradictions, seen, sensor_options
 from dlogen.cli.types import Number, Numbers
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ _EXAMPLES = """Examples:
   dlogen synth random -o cloud.pcd --seed 7 --noise 0.002 --side 0,0,-1
   dlogen synth --centre-line axis.csv -o cloud.ply --diameter 0.012 --gap 0.4:0.5
   dlogen synth hose -o scene.pcd --camera kinect-v1
+  dlogen synth hose --length 1 --bend-radius 0.08 --diameter 0.006 -o rope.pcd --camera realsense-d435 --mask-grow 1
   dlogen synth bent -o - | dlogen fit -
 """
 
@@ -115,19 +117,7 @@ _EXAMPLES = """Examples:
 @units_option("Of the cloud's numbers; the truth is always in metres.")
 @click.option("--offset", type=Numbers("X,Y,Z"), help="Move everything, metres: a cloud far from the origin.")
 @encoding_option
-@click.option(
-    "--camera",
-    type=click.Choice(["kinect-v1"]),
-    help="Look down on the object on a table: an organised cloud, and NAME.background without the object.",
-)
-@click.option(
-    "--distance",
-    type=Number(0.0, min_open=True),
-    default=0.8,
-    show_default=True,
-    metavar="METRES",
-    help="From the camera to the table.",
-)
+@sensor_options
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of everything random.")
 @click.option("--json", "as_json", is_flag=True, help="Print what was made as JSON to stdout.")
 @click.option("--force", is_flag=True, help="Overwrite existing outputs.")
@@ -149,7 +139,7 @@ def command(
     offset: tuple[float, ...] | None,
     encoding: str | None,
     camera: str | None,
-    distance: float,
+    sensing: dict[str, Any],
     seed: int,
     as_json: bool,
     force: bool,
@@ -160,7 +150,9 @@ def command(
     SHAPE is one of the paper's Table I (bent, straight, helical; helical-printed with its misprint), or random, loop
     (crosses itself), coil, hose (the paper's experiment). The axis is written beside the cloud as NAME.truth.json.
     """
-    _refuse_contradictions(shape, centre_line, output, camera, as_json)
+    has_background = camera is not None and not cuts_out(sensing)
+    _refuse_contradictions(shape, centre_line, output, camera, has_background, as_json)
+    refuse_contradictions(camera, sensing)
 
     from dlogen.io.atomic import refuse_existing, write_all
     from dlogen.types.texts import millimetres
@@ -170,7 +162,7 @@ def command(
     truth_path = cloud_path.with_suffix(".truth.json")
     background_path = cloud_path.with_suffix(f".background{cloud_path.suffix}")
     if not to_stdout:
-        refuse_existing([cloud_path, truth_path, *([background_path] if camera else [])], force)
+        refuse_existing([cloud_path, truth_path, *([background_path] if has_background else [])], force)
 
     import numpy as np
 
@@ -190,11 +182,10 @@ def command(
             settings["offset"] = offset
             line = line.moved(np.eye(3), np.array(offset))
         if camera is not None:
-            from dlogen.evaluation.camera import CAMERAS, capture
+            from dlogen.evaluation.sensors.models import SENSORS
 
-            settings |= {"camera": camera, "distance": distance}
-            seen = capture(line, diameter / 2, rng, CAMERAS[camera], distance)
-            cloud, background, line = seen.scene, seen.background, seen.line
+            settings |= {"camera": camera, "distance": SENSORS[camera].usual} | sensing
+            cloud, background, line = seen(camera, line, diameter / 2, rng, sensing)
         else:
             sampling = {
                 "noise": noise,
@@ -227,7 +218,7 @@ def command(
             {
                 "schema": "dlogen.synth/1",
                 "cloud": str(cloud_path),
-                "background": str(background_path) if camera else None,
+                "background": str(background_path) if has_background else None,
                 "truth": str(truth_path),
                 "points": len(cloud.points),
                 "finite_points": finite,
@@ -238,7 +229,12 @@ def command(
 
 
 def _refuse_contradictions(
-    shape: str | None, centre_line: str | None, output: str, camera: str | None, as_json: bool
+    shape: str | None,
+    centre_line: str | None,
+    output: str,
+    camera: str | None,
+    has_background: bool,
+    as_json: bool,
 ) -> None:
     """Raise `UsageError` for options that do not go together."""
     from dlogen.errors import UsageError
@@ -267,10 +263,10 @@ def _refuse_contradictions(
             f"{', '.join(unfit)} and --camera contradict each other",
             "the sensor decides what is seen; dlogen extract draws points from it",
         )
-    if camera is None and given(("distance",)):
-        raise UsageError("--distance is the camera's", "add --camera kinect-v1, or leave it away")
-    if output == "-" and camera is not None:
-        raise UsageError("a camera makes two clouds: they do not fit into stdout", "name a file with -o")
+    if output == "-" and has_background:
+        raise UsageError(
+            "a camera makes two clouds: they do not fit into stdout", "name a file with -o, or --mask-grow"
+        )
     if output == "-" and as_json:
         raise UsageError("the cloud and --json cannot both go to stdout", "name a file with -o")
 
@@ -331,6 +327,9 @@ def _stored(cloud: RawCloud, units: str) -> RawCloud:
 
     from dlogen.geometry.units import METRES
 
+    if cloud.viewpoint is not None:
+        scale = np.array([*[METRES[units]] * 3, 1.0, 1.0, 1.0, 1.0])
+        cloud = replace(cloud, viewpoint=cloud.viewpoint / scale)
     if cloud.organised:
         return replace(cloud, points=(cloud.points / METRES[units]).astype(np.float32).astype(float))
     decimals = {"m": 7, "cm": 5, "mm": 4}[units]

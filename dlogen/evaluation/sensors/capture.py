@@ -1,4 +1,4 @@
-"""Clouds as a sensor gives them of a tube on a table."""
+"""What a sensor gives of a tube on a table: the object cut out by a mask, or the whole scene."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy.typing as npt
 from dlogen.errors import UsageError
 from dlogen.evaluation.centre_line import CentreLine, from_points
 from dlogen.evaluation.sensors.models import SENSORS, Sensor
-from dlogen.evaluation.sensors.noise import ExactView, holes, measured, smooth_noise
-from dlogen.evaluation.sensors.rendering import tube_depth
+from dlogen.evaluation.sensors.noise import ExactView, grown_mask, hole_pattern, measured
+from dlogen.evaluation.sensors.rendering import exact_depth
 from dlogen.geometry.rotations import quaternion
-from dlogen.types import Array, BoolArray
+from dlogen.types import Array, BoolArray, RawCloud
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class SensorCloud:
         viewpoint: (7,) pose of the sensor in the frame of the points: x y z qw qx qy qz.
         line: the true axis in the frame of the points.
         radius: of the object, metres.
-        is_object: (M,) which points lie in directions in which the object is (others are the mask's).
+        is_object: (M,) which points lie in directions in which the object is; the others are there by the mask.
     """
 
     points: Array
@@ -35,6 +35,79 @@ class SensorCloud:
     is_object: BoolArray
 
 
+@dataclass(frozen=True, eq=False)
+class SensorScene:
+    """All that a sensor sees, with and without the object.
+
+    Attributes:
+        scene: organised cloud with the object, NaN where the sensor sees nothing, metres.
+        background: the same place without the object, with its own noise.
+        is_object: (width * height,) which pixels of `scene` show the object.
+        line: the true axis in the frame of the points.
+        radius: of the object, metres.
+    """
+
+    scene: RawCloud
+    background: RawCloud
+    is_object: BoolArray
+    line: CentreLine
+    radius: float
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A sensor in its place before a tube on a table.
+
+    Attributes:
+        sensor: with the size of its image.
+        rotation: (3, 3) axes of the sensor as columns, in a world whose z is up and whose table is z = 0.
+        position: (3,) of the sensor there, metres.
+        line: the axis there.
+        radius: of the tube, metres.
+        distance: from the sensor to the table along the view, metres.
+    """
+
+    sensor: Sensor
+    rotation: Array
+    position: Array
+    line: CentreLine
+    radius: float
+    distance: float
+
+    @property
+    def seen_line(self) -> CentreLine:
+        """The axis in the sensor's frame."""
+        return self.line.moved(self.rotation.T, -self.rotation.T @ self.position)
+
+    def exact(self, grid: Sensor) -> ExactView:
+        """What the rays of the sensor, or of the colour image beside it, meet."""
+        rays = grid.rays()
+        tube, cosine = exact_depth(self.seen_line, self.radius, rays, grid.focal)
+        downward = rays @ self.rotation[2]
+        table = np.full(tube.shape, np.inf)
+        np.divide(-self.position[2], downward, out=table, where=downward < 0.0)
+        return ExactView(tube, table, cosine)
+
+    def depth(self, view: ExactView, rng: np.random.Generator, holes: float, frames: int) -> Array:
+        """Depth image in the pixels that the cloud has, of what the sensor's own rays meet."""
+        depth = measured(view, self.sensor, rng, frames)
+        size = 2.0 * self.sensor.focal[0] * self.radius / self.distance
+        depth[hole_pattern(view, holes, 2.0 * size, rng)] = np.nan
+        grid = self.sensor.colour_grid()
+        return depth if grid is self.sensor else _aligned(depth, self.sensor, grid)
+
+    def cloud(self, directions: Array, depth: Array, world: bool) -> Array:
+        """(M, 3) points at the depths (M,) along the rays (M, 3)."""
+        points = directions * depth[:, None]
+        return points @ self.rotation.T + self.position if world else points
+
+    def viewpoint(self, world: bool) -> Array:
+        """(7,) pose of the sensor in the frame of the points."""
+        if world:
+            return np.concatenate([self.position, quaternion(self.rotation)])
+        return np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+
+
 def sensor_cloud(
     curve: CentreLine | npt.ArrayLike,
     radius: float,
@@ -42,9 +115,10 @@ def sensor_cloud(
     *,
     distance: float | None = None,
     tilt: float = 0.0,
+    azimuth: float = 0.0,
     seed: int | np.random.Generator = 0,
-    mask_grow: int = 0,
-    lost: float = 0.0,
+    mask_grow: float = 0.0,
+    holes: float = 0.0,
     frames: int = 1,
     world: bool = False,
 ) -> SensorCloud:
@@ -54,59 +128,102 @@ def sensor_cloud(
         curve: the axis, z upwards, or (K, 3) points on it; it is moved so that the tube rests on the table in the
             middle of the view.
         radius: of the tube, metres.
-        sensor: or its name.
+        sensor: or its name, a key of `SENSORS`.
         distance: from the sensor to the table along the view, metres; None for what is usual.
         tilt: of the view from straight down, degrees.
+        azimuth: direction from which a tilted view comes, degrees about the world's z.
         seed: of everything random, or a generator.
         mask_grow: pixels by which the mask is wider than the object; negative: narrower.
-        lost: share of the object's pixels that are lost in patches.
-        frames: number of frames that are averaged.
+        holes: share of the object's pixels that are lost in patches.
+        frames: number of frames whose depths are averaged.
         world: points in a frame with z upwards and the table at z = 0, instead of the sensor's.
 
     Raises:
-        UsageError: the sensor does not see the whole object from there.
+        UsageError: the sensor does not see the whole object from there, or nothing of it, or an argument is out of
+            range.
+
+    >>> cloud = sensor_cloud([[0, 0, 0], [0.1, 0.05, 0], [0.2, 0, 0]], 0.005, "realsense-d435", mask_grow=2)
+    >>> cloud.points.shape[1], bool(cloud.is_object.all())
+    (3, False)
     """
-    from scipy import ndimage
-
-    if isinstance(sensor, str):
-        sensor = SENSORS[sensor]
-    line = curve if isinstance(curve, CentreLine) else from_points(np.asarray(curve, dtype=float))
     rng = np.random.default_rng(seed)
+    look = look_at(curve, radius, sensor, distance, tilt, azimuth, holes, frames)
+    view = look.exact(look.sensor)
+    depth = look.depth(view, rng, holes, frames)
+    grid = look.sensor.colour_grid()
+    shown = view.is_object if grid is look.sensor else look.exact(grid).is_object
+    kept = grown_mask(shown, mask_grow, look.sensor.mask_edge, rng) & np.isfinite(depth)
+    if not kept.any():
+        raise UsageError(
+            f"{look.sensor.name} sees nothing of the object from {look.distance:g} m",
+            "give a larger diameter, a smaller distance or fewer holes",
+        )
+    points = look.cloud(grid.rays()[kept], depth[kept], world)
+    line = look.line if world else look.seen_line
+    return SensorCloud(points, look.viewpoint(world), line, radius, shown[kept])
+
+
+def sensor_scene(
+    curve: CentreLine | npt.ArrayLike,
+    radius: float,
+    sensor: Sensor | str,
+    *,
+    distance: float | None = None,
+    tilt: float = 0.0,
+    azimuth: float = 0.0,
+    seed: int | np.random.Generator = 0,
+    holes: float = 0.0,
+    frames: int = 1,
+    world: bool = False,
+) -> SensorScene:
+    """All that a sensor sees of a tube on a table, and of the table without it; arguments as of `sensor_cloud`."""
+    rng = np.random.default_rng(seed)
+    look = look_at(curve, radius, sensor, distance, tilt, azimuth, holes, frames)
+    view = look.exact(look.sensor)
+    depth = look.depth(view, rng, holes, frames)
+    behind = look.depth(view.without_object(), rng, 0.0, frames)
+    grid = look.sensor.colour_grid()
+    shown = view.is_object if grid is look.sensor else look.exact(grid).is_object
+    rays = grid.rays().reshape(-1, 3)
+    scene, background = (
+        RawCloud(look.cloud(rays, z.ravel(), world), viewpoint=look.viewpoint(world), width=z.shape[1], height=len(z))
+        for z in (depth, behind)
+    )
+    return SensorScene(scene, background, shown.ravel(), look.line if world else look.seen_line, radius)
+
+
+def look_at(
+    curve: CentreLine | npt.ArrayLike,
+    radius: float,
+    sensor: Sensor | str,
+    distance: float | None,
+    tilt: float,
+    azimuth: float,
+    holes: float,
+    frames: int,
+) -> Look:
+    """The sensor in its place; arguments as of `sensor_cloud`.
+
+    Raises:
+        UsageError: as `sensor_cloud`.
+    """
+    if isinstance(sensor, str):
+        if sensor not in SENSORS:
+            raise UsageError(f"there is no sensor {sensor!r}", f"known: {', '.join(SENSORS)}")
+        sensor = SENSORS[sensor]
     distance = sensor.usual if distance is None else distance
-    rotation, position = _pose(distance, tilt)
-    on_table = _on_table(line, radius)
-    seen = on_table.moved(rotation.T, -rotation.T @ position)
-    sensor = _fitted(sensor, seen, radius, distance)
-    view = _view(seen, radius, sensor, rotation, position)
-    shape = view.tube.shape
-    fixed = smooth_noise(shape, sensor.correlation, rng) if sensor.fixed else 0.0
-    fields = [
-        np.sqrt(1.0 - sensor.fixed) * smooth_noise(shape, sensor.correlation, rng) + np.sqrt(sensor.fixed) * fixed
-        for _ in range(frames)
-    ]
-    depth = measured(view, sensor, fields)
-    size = 2.0 * sensor.focal[0] * radius / distance
-    depth[holes(view, lost, 2.0 * size, rng)] = np.nan
-    colour = sensor.colour_grid()
-    rays = colour.rays()
-    if colour is not sensor:
-        view = _view(seen, radius, colour, rotation, position)
-        depth = _aligned(depth, sensor, colour)
-    mask = shown = view.is_object
-    if mask_grow:
-        change = ndimage.binary_dilation if mask_grow > 0 else ndimage.binary_erosion
-        mask = change(shown, iterations=abs(mask_grow))
-    kept = mask & np.isfinite(depth)
-    points = rays[kept] * depth[kept][:, None]
-    viewpoint = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-    if world:
-        points = points @ rotation.T + position
-        viewpoint = np.concatenate([position, quaternion(rotation)])
-        seen = on_table
-    return SensorCloud(points, viewpoint, seen, radius, shown[kept])
+    if not (radius > 0.0 and distance > 0.0 and 0.0 <= tilt < 80.0 and 0.0 <= holes < 1.0 and frames >= 1):
+        raise UsageError(
+            "an argument of the sensor is out of range",
+            "radius, distance and frames are positive, the tilt is below 80 degrees, the share of holes below 1",
+        )
+    line = curve if isinstance(curve, CentreLine) else from_points(np.asarray(curve, dtype=float))
+    rotation, position = _pose(distance, tilt, azimuth)
+    look = Look(sensor, rotation, position, _on_table(line, radius), radius, distance)
+    return replace(look, sensor=_fitted(look))
 
 
-def _pose(distance: float, tilt: float, azimuth: float = 0.0) -> tuple[Array, Array]:
+def _pose(distance: float, tilt: float, azimuth: float) -> tuple[Array, Array]:
     """Axes (as columns) and place of a sensor that looks at the origin of a world whose z is up; angles in degrees."""
     lean, turn = np.radians([tilt, azimuth])
     view = np.array([-np.sin(turn) * np.sin(lean), np.cos(turn) * np.sin(lean), -np.cos(lean)])
@@ -121,45 +238,40 @@ def _on_table(line: CentreLine, radius: float) -> CentreLine:
     return line.moved(np.eye(3), np.array([*(-0.5 * (low + high)[:2]), radius - low[2]]))
 
 
-def _view(line: CentreLine, radius: float, sensor: Sensor, rotation: Array, position: Array) -> ExactView:
-    rays = sensor.rays()
-    tube, cosine = tube_depth(line, radius, rays, sensor.focal)
-    with np.errstate(divide="ignore"):
-        table = -position[2] / (rays @ rotation[2])
-    table[table <= 0.0] = np.inf
-    return ExactView(tube, table, cosine)
+def _fitted(look: Look) -> Sensor:
+    """The sensor with its image as large as a scanner needs.
 
-
-def _fitted(sensor: Sensor, line: CentreLine, radius: float, distance: float) -> Sensor:
-    """The sensor with its image as large as a scanner needs; `UsageError` where the object is not in view."""
+    Raises:
+        UsageError: the object is not in view.
+    """
+    sensor, distance = look.sensor, look.distance
     if sensor.pitch is not None:
         sensor = replace(sensor, focal=(distance / sensor.pitch[0], distance / sensor.pitch[1]))
-    axis = line.points(2000)
-    near = axis[:, 2] - radius
+    axis = look.seen_line.points(2000)
+    near = axis[:, 2] - look.radius
     if near.min() < sensor.nearest or axis[:, 2].max() > sensor.farthest:
         raise UsageError(
             f"from {distance:g} m the object is not within the depths that {sensor.name} measures",
             f"these are {sensor.nearest:g} to {sensor.farthest:g} m: change the distance",
         )
-    grid = sensor.colour_grid()
-    half = ((np.abs(axis[:, :2]) + radius) / near[:, None]).max(axis=0) * grid.focal
+    half = ((np.abs(axis[:, :2]) + look.radius) / near[:, None]).max(axis=0) * sensor.colour_grid().focal
     if sensor.scans:
-        width, height = (2 * int(np.ceil(h)) + 11 for h in half)
+        width, height = (2 * int(np.ceil(h)) + 2 * sensor.window + 9 for h in half)
         return replace(sensor, width=width, height=height)
-    if half[0] > 0.5 * (sensor.width - 1) or half[1] > 0.5 * (sensor.height - 1):
-        least = distance * max(half[0] / (0.5 * (sensor.width - 1)), half[1] / (0.5 * (sensor.height - 1)))
+    excess = (half / (0.5 * np.array([sensor.width - 1, sensor.height - 1]))).max()
+    if excess > 1.0:
         raise UsageError(
             f"from {distance:g} m {sensor.name} does not see the whole object",
-            f"give a distance of about {np.ceil(100.0 * least) / 100.0:.2f} m, or a smaller object",
+            f"give a distance of about {np.ceil(100.0 * excess * distance) / 100.0:.2f} m, or a smaller object",
         )
     return sensor
 
 
-def _aligned(depth: Array, sensor: Sensor, colour: Sensor) -> Array:
+def _aligned(depth: Array, sensor: Sensor, grid: Sensor) -> Array:
     """Depth in the pixels of the colour image: that of the nearest depth pixel."""
-    index = []
-    for count, own, other in zip(depth.shape, sensor.focal[::-1], colour.focal[::-1], strict=True):
+    places = []
+    for count, own, other in zip(depth.shape, sensor.focal[::-1], grid.focal[::-1], strict=True):
         middle = 0.5 * (count - 1)
-        index.append(np.round((np.arange(count) - middle) * own / other + middle).astype(int))
-    aligned: Array = depth[np.ix_(*index)]
+        places.append(np.round((np.arange(count) - middle) * own / other + middle).astype(int))
+    aligned: Array = depth[np.ix_(*places)]
     return aligned

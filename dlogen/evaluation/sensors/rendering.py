@@ -3,19 +3,64 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dlogen.evaluation.centre_line import CentreLine
 from dlogen.geometry.vectors import dots
 from dlogen.types import Array, IntArray
 
 #: Spheres along the axis this many radii apart: their union is within 1e-3 radii of a straight tube.
-_SPHERE_SPACING = 0.08
+SPHERE_SPACING = 0.08
+
+#: Spheres that are only a start: their union is within 1e-2 radii of a straight tube.
+_COARSE_SPACING = 0.25
 
 #: Ray-sphere pairs that are worked on at a time.
 _PAIRS = 500_000
 
 
-def tube_depth(line: CentreLine, radius: float, rays: Array, focal: tuple[float, float]) -> tuple[Array, Array]:
+def exact_depth(line: CentreLine, radius: float, rays: Array, focal: tuple[float, float]) -> tuple[Array, Array]:
+    """As `tube_depth`, with the depth of the tube itself instead of that of spheres, and faster for wide tubes."""
+    depth, cosine = tube_depth(line, radius, rays, focal, _COARSE_SPACING)
+    hit = np.flatnonzero(np.isfinite(depth))
+    ray, t = rays.reshape(-1, 3)[hit], depth.ravel()[hit]
+    towards = np.linalg.norm(ray, axis=1)
+    count = max(8, int(np.ceil(line.length / (_COARSE_SPACING * radius)))) + 1
+    knots = np.linspace(0.0, 1.0, count)
+    centres, tangents = line(knots), line.tangents(knots)
+    step = line.length / (count - 1)
+    _, nearest = cKDTree(centres).query(ray * t[:, None])
+    s = nearest * step
+    for _ in range(4):
+        point = ray * t[:, None]
+        cell = np.clip((s / step).astype(np.intp), 0, count - 2)
+        centre, tangent = _hermite(centres, tangents, cell, s / step - cell, step)
+        s = np.clip(s + dots(point - centre, tangent), 0.0, line.length)
+        cell = np.clip((s / step).astype(np.intp), 0, count - 2)
+        centre, tangent = _hermite(centres, tangents, cell, s / step - cell, step)
+        offset = point - centre
+        distance = np.linalg.norm(offset, axis=1)
+        slope = dots(offset, ray) / distance
+        # On the flat ends, and where the ray only grazes the tube, the start is kept.
+        mends = (np.abs(dots(offset, tangent)) < 0.05 * radius) & (slope < -0.1 * towards)
+        t = np.where(mends, t - np.clip((distance - radius) / np.minimum(slope, -1e-9), -0.1 * radius, 0.1 * radius), t)
+    mended = np.where(mends, -slope / towards, cosine.ravel()[hit])
+    depth.ravel()[hit], cosine.ravel()[hit] = t, mended
+    return depth, cosine
+
+
+def _hermite(points: Array, tangents: Array, cell: IntArray, u: Array, step: float) -> tuple[Array, Array]:
+    """Points and unit tangents of the cubic pieces between points that are `step` of arc length apart."""
+    u = u[:, None]
+    a, b, m, n = points[cell], points[cell + 1], step * tangents[cell], step * tangents[cell + 1]
+    place = (1 + 2 * u) * (1 - u) ** 2 * a + u * (1 - u) ** 2 * m + u**2 * (3 - 2 * u) * b - u**2 * (1 - u) * n
+    slope = 6 * u * (1 - u) * (b - a) + (1 - 4 * u + 3 * u**2) * m + (3 * u**2 - 2 * u) * n
+    return place, slope / np.linalg.norm(slope, axis=1, keepdims=True)
+
+
+def tube_depth(
+    line: CentreLine, radius: float, rays: Array, focal: tuple[float, float], spacing: float = SPHERE_SPACING
+) -> tuple[Array, Array]:
     """Depth of the tube's nearest surface and the cosine of the angle at which it is seen; inf and 0 where none is.
 
     The tube is a row of spheres, of which a ray hits the nearest; what a sphere at an end has beyond the end's plane is
@@ -26,6 +71,7 @@ def tube_depth(line: CentreLine, radius: float, rays: Array, focal: tuple[float,
         radius: of the tube, metres.
         rays: (height, width, 3) directions of the pixels with z = 1; the optical axis is in the middle.
         focal: focal lengths in pixels, of columns and of rows.
+        spacing: of the spheres, radii.
 
     Returns:
         (height, width) each.
@@ -52,7 +98,7 @@ def tube_depth(line: CentreLine, radius: float, rays: Array, focal: tuple[float,
         on_disc = np.linalg.norm(rays[facing] * t[:, None] - end, axis=1) <= radius
         see(facing[on_disc], t[on_disc], np.broadcast_to(outward, (int(on_disc.sum()), 3)))
 
-    count = max(2, int(np.ceil(line.length / (_SPHERE_SPACING * radius))))
+    count = max(2, int(np.ceil(line.length / (spacing * radius))))
     s = np.linspace(0.0, 1.0, count)
     centres = line(s)
     # A rectangle of pixels around each centre that holds the whole sphere, perspective included.

@@ -51,6 +51,7 @@ class Scale:
         per_radius: median number of points on a piece of the object that is one radius long.
         resolved: whether the points are dense enough to see a width at all; if not, they are beads on a string.
         round: whether the cross-sections are circles, within the noise: not those of strands side by side.
+        half_width: of the neighbourhoods that are longer than wide, as of a strip that is covered evenly, metres.
     """
 
     spacing: float
@@ -62,6 +63,7 @@ class Scale:
     per_radius: float
     resolved: bool
     round: bool
+    half_width: float = float("nan")
 
 
 def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
@@ -104,6 +106,8 @@ def _from_neighbourhoods(points: Array, radius: float | None) -> Scale:
 
     resolved = len(sample) >= _ENOUGH and float(found.resolved.mean()) > 0.5
     guess = radius or float(np.median(found.width))
+    # `width` takes a variance of r^2 / 2 across; a strip has h^2 / 3.
+    half_width = float(np.sqrt(1.5)) * float(np.median(found.width))
     # The slabs need no more points than this for each radius.
     thinned = sample[:: max(1, int(float(np.median(found.per_length)) * guess / _PER_RADIUS))]
     if len(thinned) < len(sample):
@@ -121,7 +125,7 @@ def _from_neighbourhoods(points: Array, radius: float | None) -> Scale:
     if good.sum() < max(3, 0.2 * len(good)):
         if radius is not None:
             per_radius = _expected_per_radius(radius, spacing)
-        return Scale(spacing, guess, radius is not None, float("nan"), 1.0, line_share, per_radius, resolved, True)
+        return Scale(spacing, guess, radius is not None, float("nan"), 1.0, line_share, per_radius, resolved, True, half_width)
     noise = float(np.median(fit.noise[good]))
     estimate = float(np.median(fit.radius[good]))
     coverage = _coverage(float(np.median(fit.lopsided[good])))
@@ -145,6 +149,7 @@ def _from_neighbourhoods(points: Array, radius: float | None) -> Scale:
         per_radius,
         resolved,
         circular,
+        half_width,
     )
 
 

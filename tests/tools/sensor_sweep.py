@@ -94,7 +94,7 @@ def capture_of(name: str, seed: int) -> tuple[SensorCloud, bool, str]:
             "distance": max(distance, sensor.nearest + 0.1),
             "tilt": float(rng.uniform(0.0, 35.0)),
             "mask_grow": int(rng.choice([-1, 0, 0, 1, 2])),
-            "lost": float(rng.choice([0.0, 0.0, 0.05, 0.1])),
+            "holes": float(rng.choice([0.0, 0.0, 0.05, 0.1])),
             "world": bool(rng.random() < 0.3),
         }
         try:

@@ -55,6 +55,8 @@ _LEFT_OVER, _LEFT_OVER_SHARE, _DENSE_LEFT_OVER = 4.0, 0.02, 3.0
 _DENSE = 0.5
 #: Shares of the length: up to the one a gap is bridged without doubt, beyond the other it makes two objects.
 _SMALL_GAP, _LARGE_GAP = 0.05, 0.3
+#: Radius, in half widths, that strips are followed with.
+_STRIP = 2.0
 #: The most points that are taken for beads on a string.
 _BEADS = 200
 
@@ -149,6 +151,9 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
     noisy = bool(projected.any()) and not votes_agree(sample, votes, projected, r)
     if noisy:
         votes, projected = sample, np.zeros(len(sample), dtype=bool)
+        if np.isfinite(scale.half_width):
+            per_radius *= _STRIP * scale.half_width / r
+            r = _STRIP * scale.half_width
     nodes = contract(votes, projected, r, per_radius)
     found = trace_pieces(nodes, r, per_radius)
     if not found:

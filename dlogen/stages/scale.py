@@ -125,7 +125,9 @@ def _from_neighbourhoods(points: Array, radius: float | None) -> Scale:
     if good.sum() < max(3, 0.2 * len(good)):
         if radius is not None:
             per_radius = _expected_per_radius(radius, spacing)
-        return Scale(spacing, guess, radius is not None, float("nan"), 1.0, line_share, per_radius, resolved, True, half_width)
+        return Scale(
+            spacing, guess, radius is not None, float("nan"), 1.0, line_share, per_radius, resolved, True, half_width
+        )
     noise = float(np.median(fit.noise[good]))
     estimate = float(np.median(fit.radius[good]))
     coverage = _coverage(float(np.median(fit.lopsided[good])))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dlogen.geometry.vectors import dots, unit
+from dlogen.geometry.vectors import dots, normals_to, unit
 from dlogen.types import Array
 
 #: Points of the cloud that are looked at for a pixel grid, and the decimals (relative) to which their ratios agree.
@@ -13,6 +15,9 @@ _LOOKED_AT, _DECIMALS = 4000, 6
 
 #: On a pixel grid the points have far fewer distinct columns and rows than there are points.
 _FEWER = 0.5
+
+#: A cloud is one-sided if its strip is so many times as wide as deep.
+ONE_SIDED = 1.4
 
 #: Vertices of a line whose points are looked at together: each is a radius from the next.
 _TOGETHER = 4
@@ -100,3 +105,47 @@ def rays(points: Array, viewpoint: Array | None, direction: Array | None) -> Arr
     if direction is not None:
         return np.repeat(direction[:, None], points.shape[1], axis=1)
     return None
+
+
+@dataclass(frozen=True, eq=False)
+class FlatView:
+    """A cloud as it is seen: two coordinates across the view, and a depth that counts for little.
+
+    In a camera's image a strip has sharp edges, whatever its depth. Coordinates across the view are those in the image
+    times the distance of the middle of the cloud, so that they are metres there.
+
+    Attributes:
+        axes: (3, 3) rows: two unit vectors across the view, and one along it.
+        viewpoint: (3,) metres; None for a view along one direction.
+        distance: of the middle of the cloud along the view, metres.
+        depth_share: factor of the depth.
+    """
+
+    axes: Array
+    viewpoint: Array | None
+    distance: float
+    depth_share: float = 0.2
+
+    @staticmethod
+    def of(points: Array, viewpoint: Array | None, direction: Array | None) -> FlatView:
+        """The view of a cloud (M, 3) from a place or along a direction."""
+        middle = points.mean(axis=0)
+        along = unit(middle - viewpoint) if viewpoint is not None else direction
+        assert along is not None
+        across = normals_to(along[None])[0]
+        axes = np.stack([across, np.cross(along, across), along])
+        distance = float(along @ (middle - viewpoint)) if viewpoint is not None else float(along @ middle)
+        return FlatView(axes, viewpoint, distance)
+
+    def flat(self, points: Array) -> Array:
+        """Points (M, 3) as they are seen."""
+        x, y, depth = self.axes @ (points - (self.viewpoint if self.viewpoint is not None else 0.0)).T
+        scale = self.distance / np.maximum(depth, 1e-3 * self.distance) if self.viewpoint is not None else 1.0
+        return np.stack([x * scale, y * scale, (depth - self.distance) * self.depth_share], axis=1)
+
+    def back(self, flat: Array) -> Array:
+        """Points (..., 3) that are seen like that."""
+        depth = flat[..., 2] / self.depth_share + self.distance
+        scale = depth / self.distance if self.viewpoint is not None else 1.0
+        seen = np.stack([flat[..., 0] * scale, flat[..., 1] * scale, depth], axis=-1) @ self.axes
+        return seen + self.viewpoint if self.viewpoint is not None else seen

@@ -63,7 +63,7 @@ def refined_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:
         scale = estimate_scale(points, radius=known)
 
     with clock.stage("ordering"):
-        ordering = order(points, known, scale)
+        ordering = order(points, known, scale, cloud.viewpoint)
 
     with clock.stage("refine"):
         fitted = _fitted(cloud, ordering, known)

@@ -6,6 +6,7 @@ says so. What comes out is the same for every order of the input points.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -34,6 +35,7 @@ from dlogen.stages.refined.joins import Join, bending_cost, bridge, chains, join
 from dlogen.stages.refined.medial import axis_votes, contract, recentre, votes_agree
 from dlogen.stages.refined.piece import Piece, end_direction, parabola
 from dlogen.stages.scale import Scale, estimate_scale
+from dlogen.stages.view import ONE_SIDED, FlatView, thin_direction
 from dlogen.types import Array, BoolArray, Finding
 from dlogen.types.texts import millimetres
 
@@ -55,8 +57,8 @@ _LEFT_OVER, _LEFT_OVER_SHARE, _DENSE_LEFT_OVER = 4.0, 0.02, 3.0
 _DENSE = 0.5
 #: Shares of the length: up to the one a gap is bridged without doubt, beyond the other it makes two objects.
 _SMALL_GAP, _LARGE_GAP = 0.05, 0.3
-#: Radius, in half widths, that strips are followed with.
-_STRIP = 2.0
+#: Radius, in half widths, that strips are followed with: in space and in the view.
+_STRIP, _FLAT_STRIP = 2.0, 1.5
 #: The most points that are taken for beads on a string.
 _BEADS = 200
 
@@ -101,13 +103,16 @@ class Ordering:
     noisy: bool = False
 
 
-def order(points: Array, radius: float | None = None, scale: Scale | None = None) -> Ordering:
+def order(
+    points: Array, radius: float | None = None, scale: Scale | None = None, viewpoint: Array | None = None
+) -> Ordering:
     """Find the centre line of a cloud, roughly, and its order.
 
     Args:
         points: (M, 3) finite surface points, metres, in any order.
         radius: of the tube, metres; None takes the estimate of `scale`.
         scale: what `estimate_scale` gave for these points; None makes it here.
+        viewpoint: (3,) where the points were seen from, if that is known, metres.
 
     Returns:
         The backbone with findings: "branch", "closed-ring", "several-objects", "not-a-line" (all bad), "gap",
@@ -148,12 +153,64 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
     tree = cKDTree(sample)
     spacing = scale.spacing / np.sqrt(thinned)
     votes, projected = axis_votes(sample, tree, r, spacing)
-    noisy = bool(projected.any()) and not votes_agree(sample, votes, projected, r)
-    if noisy:
-        votes, projected = sample, np.zeros(len(sample), dtype=bool)
-        if np.isfinite(scale.half_width):
-            per_radius *= _STRIP * scale.half_width / r
-            r = _STRIP * scale.half_width
+    if projected.any() and not votes_agree(sample, votes, projected, r):
+        return _order_strip(points, scale, radius, viewpoint)
+    return _traced(
+        sample,
+        votes,
+        projected,
+        r,
+        per_radius,
+        scale,
+        radius is None,
+        radius is not None or scale.radius_reliable,
+        lambda place: place + origin,
+    )
+
+
+def _order_strip(points: Array, scale: Scale, radius: float | None, viewpoint: Array | None) -> Ordering:
+    """The order of a cloud whose depth is noise: found where its edges are sharp, in the view."""
+    view = None if viewpoint is None else FlatView.of(points, viewpoint, None)
+    half_width = scale.half_width if np.isfinite(scale.half_width) else (radius or scale.radius)
+    if view is None:
+        rough = _order_noise(points, scale, _STRIP * half_width, radius is None, None)
+        direction, ratio = thin_direction(points - points.mean(axis=0), rough.backbone - points.mean(axis=0))
+        if ratio < ONE_SIDED:
+            return rough
+        view = FlatView.of(points, None, direction)
+    return _order_noise(points, scale, _FLAT_STRIP * half_width, radius is None, view)
+
+
+def _order_noise(points: Array, scale: Scale, r: float, estimated: bool, view: FlatView | None) -> Ordering:
+    """The order of points without normals, followed with a radius."""
+    per_radius = scale.per_radius * r / scale.radius
+    sample = points[spatial_sample(points, int(np.clip(_PER_RADIUS / per_radius * len(points), 1000, _SAMPLE)))]
+    per_radius *= len(sample) / len(points)
+    if view is not None:
+        sample = view.flat(sample)
+    origin = middle(sample)
+    sample = sample - origin
+
+    def place(flat: Array) -> Array:
+        return flat + origin if view is None else view.back(flat + origin)
+
+    nothing = np.zeros(len(sample), dtype=bool)
+    return replace(_traced(sample, sample, nothing, r, per_radius, scale, estimated, False, place), noisy=True)
+
+
+def _traced(
+    sample: Array,
+    votes: Array,
+    projected: BoolArray,
+    r: float,
+    per_radius: float,
+    scale: Scale,
+    estimated: bool,
+    centred: bool,
+    place: Callable[[Array], Array],
+) -> Ordering:
+    """The order of a sample; `place` brings places in it to those of the cloud."""
+    tree = cKDTree(sample)
     nodes = contract(votes, projected, r, per_radius)
     found = trace_pieces(nodes, r, per_radius)
     if not found:
@@ -162,7 +219,7 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
             f"the radius was taken to be {millimetres(r)}: give r if it is not, and check units",
             stage="ordering",
         )
-    if not noisy and (radius is not None or scale.radius_reliable):
+    if centred:
         found = [replace(piece, points=recentre(piece.points, sample, tree, r, per_radius)) for piece in found]
     pieces = cut_at_junctions(found, r)
     joins = join_pieces(pieces, r)
@@ -172,19 +229,18 @@ def order(points: Array, radius: float | None = None, scale: Scale | None = None
     line = longest.canonical()
     near = _around(sample[:: -(-len(sample) // _LOOKED_AT)], line.points, r, scale.noise)
     findings = [
-        *_about_cloud(scale, radius is None, per_radius, near, line, r),
-        *_about_rest(others, line, r, origin),
-        *_about_ends(line, r, origin),
+        *_about_cloud(scale, estimated, per_radius, near, line, r),
+        *_about_rest(others, line, r, place),
+        *_about_ends(line, r, place),
     ]
     bridges = _bridges(line, sample, tree, r)
-    findings += _about_bridges(bridges, line, r, origin)
+    findings += _about_bridges(bridges, line, r, place)
     return Ordering(
-        backbone=line.points + origin,
+        backbone=place(line.points),
         radius=r,
-        pieces=tuple(part + origin for part in line.parts),
-        joins=tuple(_moved(item, origin) for item in bridges),
+        pieces=tuple(place(part) for part in line.parts),
+        joins=tuple(replace(item, position=as_place(place(np.array(item.position)))) for item in bridges),
         findings=tuple(findings),
-        noisy=noisy,
     )
 
 
@@ -301,10 +357,6 @@ def _largest_hole(stretch: Array, points: Array, tree: cKDTree, r: float) -> flo
     return longest * step + 1.6 * r if longest else 0.0
 
 
-def _moved(item: Bridge, origin: Array) -> Bridge:
-    return replace(item, position=as_place(np.array(item.position) + origin))
-
-
 def _about_cloud(
     scale: Scale, estimated: bool, per_radius: float, near: BoolArray, line: _Line, r: float
 ) -> list[Finding]:
@@ -332,7 +384,7 @@ def _about_cloud(
     return findings
 
 
-def _about_rest(others: list[_Line], line: _Line, r: float, origin: Array) -> list[Finding]:
+def _about_rest(others: list[_Line], line: _Line, r: float, place_of: Callable[[Array], Array]) -> list[Finding]:
     """Chains that are not part of the line."""
     findings = []
     thinnest = float(np.min(line.densities))
@@ -344,23 +396,23 @@ def _about_rest(others: list[_Line], line: _Line, r: float, origin: Array) -> li
         nearest = int(np.argmin(distance))
         what = f"{millimetres(other.length)} long"
         if distance[nearest] < _BRANCH * r:
-            place = as_place(line.points[index[nearest]] + origin)
+            place = as_place(place_of(line.points[index[nearest]]))
             s = float(index[nearest] / (len(line.points) - 1))
             findings.append(BRANCH.found(f"a branch leaves the line, {what}", s=s, position=place))
         else:
-            place = as_place(other.points[len(other.points) // 2] + origin)
+            place = as_place(place_of(other.points[len(other.points) // 2]))
             findings.append(SEVERAL_OBJECTS.found(f"another object is in the cloud, {what}", position=place))
     return findings
 
 
-def _about_ends(line: _Line, r: float, origin: Array) -> list[Finding]:
+def _about_ends(line: _Line, r: float, place_of: Callable[[Array], Array]) -> list[Finding]:
     """Whether the two ends of the line belong together."""
     first, last = line.points[0], line.points[-1]
     gap = float(np.linalg.norm(last - first))
     if line.length < 12.0 * r or gap > max(4.0 * r, 0.1 * line.length):
         return []
     cost = bending_cost(*parabola(line.points, 1.5 * r, r), *parabola(line.points[::-1], 1.5 * r, r), r)
-    place = as_place(0.5 * (first + last) + origin)
+    place = as_place(place_of(0.5 * (first + last)))
     if gap < 4.0 * r and cost < 0.8:
         return [CLOSED_RING.found("the object is a closed ring: it has no ends", "bad", s=0.0, position=place)]
     # The ends of an object that is folded in two lie side by side and point the same way.
@@ -371,10 +423,10 @@ def _about_ends(line: _Line, r: float, origin: Array) -> list[Finding]:
     return []
 
 
-def _about_bridges(bridges: list[Bridge], line: _Line, r: float, origin: Array) -> list[Finding]:
+def _about_bridges(bridges: list[Bridge], line: _Line, r: float, place_of: Callable[[Array], Array]) -> list[Finding]:
     findings = []
     for number, (item, join) in enumerate(zip(bridges, line.joins, strict=True)):
-        s, place = 0.5 * (item.s[0] + item.s[1]), as_place(np.array(item.position) + origin)
+        s, place = 0.5 * (item.s[0] + item.s[1]), as_place(place_of(np.array(item.position)))
         share = item.gap / line.length
         if item.certainty < 0.5:
             message = "strands meet here, and which of them belong together is not certain"

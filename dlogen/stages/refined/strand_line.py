@@ -23,12 +23,9 @@ from dlogen.stages.refined.fit_findings import gap_findings
 from dlogen.stages.refined.ordering import Ordering
 from dlogen.stages.refined.strand import Strand, fit_strand
 from dlogen.stages.refined.strand_axis import StrandFit, object_of
-from dlogen.stages.view import rays, thin_direction
+from dlogen.stages.view import ONE_SIDED, rays, thin_direction
 from dlogen.types import Array, Finding
 from dlogen.types.texts import millimetres
-
-#: A cloud is one-sided if its strip is so many times as wide as deep.
-_ONE_SIDED = 1.4
 
 #: Standard deviations by which the edges of a strip must be behind its middle to tell the side that it is seen from.
 _SURE = 4.0
@@ -54,7 +51,7 @@ def strand_fit(
     origin = ordering.backbone.mean(axis=0)
     near, backbone = points - origin, ordering.backbone - origin
     direction, ratio = thin_direction(near, backbone)
-    if viewpoint is None and ratio < _ONE_SIDED:
+    if viewpoint is None and ratio < ONE_SIDED:
         return None
     columns = np.ascontiguousarray(near.T)
     view = rays(columns, None if viewpoint is None else viewpoint - origin, direction)

@@ -91,7 +91,9 @@ def gauss_newton(
             sigma = min(scale, robust_scale(inside - median(inside)))
             weight = np.where(near, tukey(residual, max(scale, floor * radius)), 0.0)
             shared = patch_inflation(patch, residual, near & (np.abs(residual) < 4.0 * scale))
-            sums = normal_equations(k, t, direction, residual, weight, curve.intervals).scaled(1.0 / shared, 1.0 / shared)
+            sums = normal_equations(k, t, direction, residual, weight, curve.intervals).scaled(
+                1.0 / shared, 1.0 / shared
+            )
         problem = Linearisation(curve, sums, free_radius)
         solution = problem.best(smoothing, _LOG_ROUGH if floor >= 0.1 else LOG_LAMBDA[0])
         smoothing = solution.smoothing

@@ -18,6 +18,8 @@ from dlogen.errors import DlogenError
 from dlogen.evaluation.centre_line import CentreLine, from_points
 from dlogen.evaluation.sensors.capture import SensorCloud, sensor_cloud
 from dlogen.evaluation.sensors.models import SENSORS
+from dlogen.geometry.mdtw import mdtw
+from dlogen.geometry.polyline import resample
 from dlogen.types import Array
 
 
@@ -169,18 +171,10 @@ def judge(name: str, seed: int, given: bool = False) -> Outcome:
 
 
 def order_right(line: Array, truth: Array, radius: float) -> bool:
-    """Whether going along the one is going along the other: places on the truth never jump back."""
-    tangent = np.gradient(truth, axis=0)
-    place = cKDTree(truth).query(line, k=8)[1]
-    # Where strands cross, the one that runs the same way counts.
-    own = np.gradient(line, axis=0)
-    fits = np.abs(np.einsum("kc,kqc->kq", own, tangent[place]))
-    best = place[np.arange(len(line)), np.argmax(fits, axis=1)].astype(float)
-    if best[-1] < best[0]:
-        best = best[::-1]
-    back = np.maximum.accumulate(best) - best
-    reach = 8.0 * radius / np.linalg.norm(np.diff(truth, axis=0), axis=1).mean()
-    return bool(np.quantile(back, 0.99) < max(reach, 20.0))
+    """Whether going along the one is going along the other, from end to end: matched in order, they are nowhere apart."""
+    one, other = resample(line, 500), resample(truth, 500)
+    apart = min(float(np.max(mdtw(one, way).error)) for way in (other, other[::-1]))
+    return apart < max(5.0 * radius, 0.015)
 
 
 def main() -> None:

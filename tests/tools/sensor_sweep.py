@@ -23,6 +23,10 @@ from dlogen.geometry.polyline import resample
 from dlogen.types import Array
 
 
+#: Beyond this distance the noise on a thin strand is more than the strand, metres.
+_FARTHEST = {"realsense-d435": 0.8}
+
+
 @dataclass(frozen=True)
 class Outcome:
     """One capture and what came of it."""
@@ -91,7 +95,7 @@ def capture_of(name: str, seed: int) -> tuple[SensorCloud, bool, str]:
         crossing = bool(rng.random() < 0.3)
         radius = float(np.exp(rng.uniform(np.log(0.0015), np.log(0.02))))
         line, _ = random_shape(rng, radius, crossing)
-        distance = float(rng.uniform(0.45, 1.2)) if sensor.pitch is None else sensor.usual
+        distance = float(rng.uniform(0.45, _FARTHEST.get(name, 1.2))) if sensor.pitch is None else sensor.usual
         settings = {
             "distance": max(distance, sensor.nearest + 0.1),
             "tilt": float(rng.uniform(0.0, 35.0)),

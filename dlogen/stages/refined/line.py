@@ -23,7 +23,7 @@ from dlogen.stages.quality.cross_section import check_cross_section
 from dlogen.stages.quality.cut_ends import cut_ends
 from dlogen.stages.quality.findings import CLOSED_RING, SIDE_BY_SIDE
 from dlogen.stages.refined.fit_findings import fit_findings
-from dlogen.stages.refined.ordering import Ordering, order
+from dlogen.stages.refined.ordering import Ordering, order, order_strip
 from dlogen.stages.refined.refine import Refined, refine
 from dlogen.stages.refined.regime import is_doubted, shows_surface
 from dlogen.stages.refined.strand_axis import StrandFit
@@ -64,6 +64,11 @@ def refined_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:
 
     with clock.stage("ordering"):
         ordering = order(points, known, scale, cloud.viewpoint)
+        if cloud.viewpoint is not None and not ordering.noisy and any(item.is_bad for item in ordering.findings):
+            # Strands that meet are told apart by their edges in the view where noise mixes up their surfaces.
+            seen = order_strip(points, scale, known, cloud.viewpoint)
+            if sum(item.is_bad for item in seen.findings) < sum(item.is_bad for item in ordering.findings):
+                ordering = seen
 
     with clock.stage("refine"):
         fitted = _fitted(cloud, ordering, known)

@@ -154,7 +154,7 @@ def order(
     spacing = scale.spacing / np.sqrt(thinned)
     votes, projected = axis_votes(sample, tree, r, spacing)
     if projected.any() and not votes_agree(sample, votes, projected, r):
-        return _order_strip(points, scale, radius, viewpoint)
+        return order_strip(points, scale, radius, viewpoint)
     return _traced(
         sample,
         votes,
@@ -168,8 +168,12 @@ def order(
     )
 
 
-def _order_strip(points: Array, scale: Scale, radius: float | None, viewpoint: Array | None) -> Ordering:
-    """The order of a cloud whose depth is noise: found where its edges are sharp, in the view."""
+def order_strip(points: Array, scale: Scale, radius: float | None, viewpoint: Array | None) -> Ordering:
+    """The order of a cloud whose depth is noise: found where its edges are sharp, in the view.
+
+    Args:
+        points, scale, radius, viewpoint: as in `order`.
+    """
     view = None if viewpoint is None else FlatView.of(points, viewpoint, None)
     half_width = scale.half_width if np.isfinite(scale.half_width) else (radius or scale.radius)
     if view is None:

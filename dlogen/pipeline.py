@@ -116,7 +116,7 @@ def _checked(line: FittedLine, segmentation: Segmentation, e_max: float) -> list
     """Findings about line and chain, whatever profile made them."""
     bend = max_curvature(line.skeleton)
     return [
-        *check_line(line.skeleton, line.radius, line.distance, line.on_tube, bend),
+        *check_line(line.skeleton, line.radius, line.distance, line.on_tube, bend, surface=line.regime == "surface"),
         *check_deviation(line.skeleton, segmentation, e_max),
     ]
 

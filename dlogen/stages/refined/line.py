@@ -114,6 +114,7 @@ def _of_strand(points: Array, ordering: Ordering, fit: StrandFit, side: bool, co
         ),
         (*check_settings_used(config, _PAPER_ONLY), *strand_findings(fit, ordering, given(config.r), side)),
         {"r": fit.radius, "N": fit.skeleton.basis.size},
+        fit.regime,
     )
 
 

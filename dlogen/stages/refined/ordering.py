@@ -57,6 +57,8 @@ _LEFT_OVER, _LEFT_OVER_SHARE, _DENSE_LEFT_OVER = 4.0, 0.02, 3.0
 _DENSE = 0.5
 #: Shares of the length: up to the one a gap is bridged without doubt, beyond the other it makes two objects.
 _SMALL_GAP, _LARGE_GAP = 0.05, 0.3
+#: A cloud so many given radii wide, whose surface is that thick, is noise around a thin object.
+_HIDDEN, _THICK = 1.8, 0.5
 #: Radius, in half widths, that strips are followed with: in space and in the view.
 _STRIP, _FLAT_STRIP = 2.0, 1.5
 #: The most points that are taken for beads on a string.
@@ -126,6 +128,9 @@ def order(
     if not scale.resolved and len(points) <= _BEADS:
         return _beads(points, radius)
     r = radius or scale.radius
+    # A wire thinner than the noise; a bundle of strands is as thick, but its surfaces are thin.
+    if radius is not None and scale.half_width > _HIDDEN * radius and scale.thickness > _THICK * radius:
+        return order_strip(points, estimate_scale(points), None, viewpoint)
     # Where strands lie close together, no neighbourhood is longer than wide; with a known radius that does not matter.
     if radius is None and (scale.line_share < 0.2 or not np.isfinite(scale.per_radius)):
         raise FitError(

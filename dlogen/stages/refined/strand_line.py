@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dlogen.geometry.arc_length import even_parameters
+from dlogen.geometry.vectors import normals_to, unit
 from dlogen.stages.quality.contacts import find_contacts
 from dlogen.stages.quality.findings import (
     CROSSING,
@@ -26,6 +28,9 @@ from dlogen.stages.refined.strand_axis import StrandFit, object_of
 from dlogen.stages.view import ONE_SIDED, rays, thin_direction
 from dlogen.types import Array, Finding
 from dlogen.types.texts import millimetres
+
+#: A cloud so many given radii wide shows nothing of the surface.
+_THREAD = 1.8
 
 #: Standard deviations by which the edges of a strip must be behind its middle to tell the side that it is seen from.
 _SURE = 4.0
@@ -50,10 +55,17 @@ def strand_fit(
     """
     origin = ordering.backbone.mean(axis=0)
     near, backbone = points - origin, ordering.backbone - origin
+    columns = np.ascontiguousarray(near.T)
     direction, ratio = thin_direction(near, backbone)
     if viewpoint is None and ratio < ONE_SIDED:
-        return None
-    columns = np.ascontiguousarray(near.T)
+        if radius is None or ordering.radius < _THREAD * radius:
+            return None
+        # A wire in noise that is the same all around: no direction is the view, and any will do.
+        tangent = unit(np.gradient(backbone, axis=0))
+        view = np.ascontiguousarray(normals_to(tangent[cKDTree(backbone).query(near)[1]]).T)
+        return object_of(
+            fit_strand(columns, view, backbone, ordering.radius), columns, view, radius, origin, side=True, around=True
+        ), True
     view = rays(columns, None if viewpoint is None else viewpoint - origin, direction)
     assert view is not None
     strand = fit_strand(columns, view, backbone, ordering.radius)

@@ -104,7 +104,8 @@ class Look:
     def viewpoint(self, world: bool) -> Array:
         """(7,) pose of the sensor in the frame of the points."""
         if world:
-            return np.concatenate([self.position, quaternion(self.rotation)])
+            # Adding zero turns -0.0 into 0.0.
+            return np.concatenate([self.position, quaternion(self.rotation)]) + 0.0
         return np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 

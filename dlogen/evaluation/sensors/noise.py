@@ -88,7 +88,7 @@ def measured(view: ExactView, sensor: Sensor, rng: np.random.Generator, frames: 
         white = rng.standard_normal(shape)
         if fixed is not None:
             white = np.sqrt(1.0 - sensor.fixed) * white + np.sqrt(sensor.fixed) * fixed
-        depth = np.array(view.table)
+        depth = np.where(np.isfinite(view.table), view.table, np.nan)
         noise, _ = smooth_noise(white, sensor.correlation)
         depth += sensor.noise(depth) * noise
         if on_object.any():

@@ -92,7 +92,7 @@ class Look:
         """Depth image in the pixels that the cloud has, of what the sensor's own rays meet."""
         depth = measured(view, self.sensor, rng, frames)
         size = 2.0 * self.sensor.focal[0] * self.radius / self.distance
-        depth[hole_pattern(view, holes, 2.0 * size, rng)] = np.nan
+        depth[hole_pattern(view, holes, 2.0 * size, rng, self.sensor.window)] = np.nan
         grid = self.sensor.colour_grid()
         return depth if grid is self.sensor else _aligned(depth, self.sensor, grid)
 

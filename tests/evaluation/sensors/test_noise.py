@@ -171,6 +171,12 @@ def test_holes_are_patches_that_prefer_what_is_steep() -> None:
     middle = lost[:, 42]
     assert np.count_nonzero(np.diff(middle.astype(int))) < 0.1 * len(middle)
     assert not hole_pattern(view, 0.0, 10.0, rng()).any()
+    # What matching has given the object's depth beside it is lost with it.
+    wide = hole_pattern(view, 0.2, 10.0, rng(), 5)
+    np.testing.assert_array_equal(wide[shown], lost[shown])
+    edge = np.convolve(lost[:, 59], np.ones(5), mode="same") > 0
+    np.testing.assert_array_equal(wide[:, 61], edge)
+    assert edge.any() and not wide[:, 62:].any() and not wide[:, :38].any()
 
 
 def bar() -> BoolArray:

@@ -21,6 +21,10 @@ _BLIND = 8.0
 _BLIND_TURN = 1.8
 
 
+#: What it is worth that a piece is used rather than left over, in the units of `bending_cost`.
+_USED = 1.0
+
+
 @dataclass(frozen=True)
 class Join:
     """Two ends of pieces that belong together.
@@ -59,6 +63,7 @@ def join_pieces(pieces: list[Piece], radius: float) -> list[Join]:
             chosen.append((a, b))
     while True:
         options = [option for number in range(len(chosen)) for option in _alternatives(chosen, number, cost)]
+        options += [option for number in range(len(chosen)) for option in _insertions(chosen, number, cost)]
         gain, better = min(options, key=lambda option: option[0], default=(0.0, chosen))
         if gain > -1e-9:
             break
@@ -145,6 +150,20 @@ def _alternatives(chosen: list[tuple[int, int]], number: int, cost: Array) -> li
         before = cost[a, b] + cost[c, d]
         options.append((cost[a, c] + cost[b, d] - before, [*rest, (a, c), (b, d)]))
         options.append((cost[a, d] + cost[b, c] - before, [*rest, (a, d), (b, c)]))
+    return [(float(more), joins) for more, joins in options if np.isfinite(more) and _is_path(joins)]
+
+
+def _insertions(chosen: list[tuple[int, int]], number: int, cost: Array) -> list[tuple[float, list[tuple[int, int]]]]:
+    """Ways to take a piece that is left over in between the two ends of a join, as a loop that ends where it begins."""
+    a, b = chosen[number]
+    others = chosen[:number] + chosen[number + 1 :]
+    busy = {end for join in chosen for end in join}
+    options = []
+    for first in range(len(cost)):
+        last = first ^ 1
+        if first not in busy and last not in busy:
+            more = cost[a, first] + cost[last, b] - cost[a, b] - _USED
+            options.append((more, [*others, (a, first), (last, b)]))
     return [(float(more), joins) for more, joins in options if np.isfinite(more) and _is_path(joins)]
 
 

@@ -169,6 +169,7 @@ def order(
         scale,
         radius is None,
         radius is not None or scale.radius_reliable,
+        False,
         lambda place: place + origin,
     )
 
@@ -204,7 +205,9 @@ def _order_noise(points: Array, scale: Scale, r: float, estimated: bool, view: F
         return flat + origin if view is None else view.back(flat + origin)
 
     nothing = np.zeros(len(sample), dtype=bool)
-    return replace(_traced(sample, sample, nothing, r, per_radius, scale, estimated, False, place), noisy=True)
+    return replace(
+        _traced(sample, sample, nothing, r, per_radius, scale, estimated, False, view is not None, place), noisy=True
+    )
 
 
 def _traced(
@@ -216,6 +219,7 @@ def _traced(
     scale: Scale,
     estimated: bool,
     centred: bool,
+    in_view: bool,
     place: Callable[[Array], Array],
 ) -> Ordering:
     """The order of a sample; `place` brings places in it to those of the cloud."""
@@ -230,7 +234,7 @@ def _traced(
         )
     if centred:
         found = [replace(piece, points=recentre(piece.points, sample, tree, r, per_radius)) for piece in found]
-    pieces = cut_at_junctions(found, r)
+    pieces = cut_at_junctions(found, r, crossings=in_view)
     joins = join_pieces(pieces, r)
     lines = [_Line.of(pieces, *chain, r) for chain in chains(len(pieces), joins)]
     longest = max(lines, key=lambda candidate: candidate.length)

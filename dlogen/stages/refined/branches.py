@@ -25,6 +25,8 @@ _JUNCTION = 3.0
 #: Vertices of strands in a view that are nearer to each other than this, in radii, lie one over the other; those of one
 #: piece are two strands from this distance along it on.
 _CROSSED, _SAME_STRAND = 1.3, 8.0
+#: A piece has a kink where its directions over so many vertices before and after have a smaller cosine than this.
+_ARM, _KINK = 3, 0.35
 
 
 def trace_pieces(nodes: Nodes, radius: float, per_radius: float) -> list[Piece]:
@@ -208,8 +210,8 @@ def cut_at_junctions(pieces: list[Piece], radius: float, *, crossings: bool = Fa
                 if distance[nearest] < _JUNCTION * radius and 2 < nearest < len(other.points) - 3:
                     kept[j][max(nearest - 1, 0) : nearest + 2] = False
     if crossings:
-        for part, over in zip(kept, _crossed(pieces, radius), strict=True):
-            part &= ~over
+        for piece, part, over in zip(pieces, kept, _crossed(pieces, radius), strict=True):
+            part &= ~(over | _kinked(piece.points))
     result: list[Piece] = []
     for piece, part in zip(pieces, kept, strict=True):
         for first, last in zip(*runs(part), strict=True):
@@ -236,3 +238,14 @@ def _crossed(pieces: list[Piece], radius: float) -> list[BoolArray]:
         wider[:-1] |= part[1:]
         result.append(wider)
     return result
+
+
+def _kinked(points: Array) -> BoolArray:
+    """Which vertices of a piece lie where it turns so sharply that it left one strand for another."""
+    if len(points) < 2 * _ARM + 1:
+        return np.zeros(len(points), dtype=bool)
+    before = unit(points[_ARM:-_ARM] - points[: -2 * _ARM])
+    after = unit(points[2 * _ARM :] - points[_ARM:-_ARM])
+    sharp = np.zeros(len(points), dtype=bool)
+    sharp[_ARM:-_ARM] = dots(before, after) < _KINK
+    return sharp

@@ -36,7 +36,7 @@ from dlogen.types import Array, BoolArray
 _COARSE, _FINE, _MOST = 4.0, 2.0, 256
 
 #: Rounds at first, which follow the ends, and rounds of the fit proper.
-_ROUGH_ROUNDS, _ROUNDS = 5, 5
+_ROUGH_ROUNDS, _ROUNDS = 40, 5
 
 #: Distance of the knots of a line that follows the shape of the object but not the noise, in half widths.
 _SHAPE = 12.0

@@ -95,6 +95,7 @@ class Ordering:
         joins: what was bridged between them.
         findings: what a user should know.
         noisy: the points scatter so much that their normals say nothing.
+        half_width: of the strip that they are then, metres.
     """
 
     backbone: Array
@@ -103,6 +104,7 @@ class Ordering:
     joins: tuple[Bridge, ...]
     findings: tuple[Finding, ...]
     noisy: bool = False
+    half_width: float = float("nan")
 
 
 def order(
@@ -183,16 +185,17 @@ def order_strip(points: Array, scale: Scale, radius: float | None, viewpoint: Ar
     view = None if viewpoint is None else FlatView.of(points, viewpoint, None)
     half_width = scale.half_width if np.isfinite(scale.half_width) else (radius or scale.radius)
     if view is None:
-        rough = _order_noise(points, scale, _STRIP * half_width, radius is None, None)
+        rough = _order_noise(points, scale, half_width, radius is None, None)
         direction, ratio = thin_direction(points - points.mean(axis=0), rough.backbone - points.mean(axis=0))
         if ratio < ONE_SIDED:
             return rough
         view = FlatView.of(points, None, direction)
-    return _order_noise(points, scale, _FLAT_STRIP * half_width, radius is None, view)
+    return _order_noise(points, scale, half_width, radius is None, view)
 
 
-def _order_noise(points: Array, scale: Scale, r: float, estimated: bool, view: FlatView | None) -> Ordering:
-    """The order of points without normals, followed with a radius."""
+def _order_noise(points: Array, scale: Scale, half_width: float, estimated: bool, view: FlatView | None) -> Ordering:
+    """The order of points without normals, of a strip so wide."""
+    r = (_STRIP if view is None else _FLAT_STRIP) * half_width
     per_radius = scale.per_radius * r / scale.radius
     sample = points[spatial_sample(points, int(np.clip(_PER_RADIUS / per_radius * len(points), 1000, _SAMPLE)))]
     per_radius *= len(sample) / len(points)
@@ -206,7 +209,9 @@ def _order_noise(points: Array, scale: Scale, r: float, estimated: bool, view: F
 
     nothing = np.zeros(len(sample), dtype=bool)
     return replace(
-        _traced(sample, sample, nothing, r, per_radius, scale, estimated, False, view is not None, place), noisy=True
+        _traced(sample, sample, nothing, r, per_radius, scale, estimated, False, view is not None, place),
+        noisy=True,
+        half_width=half_width,
     )
 
 

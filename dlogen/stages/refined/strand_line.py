@@ -56,19 +56,20 @@ def strand_fit(
     origin = ordering.backbone.mean(axis=0)
     near, backbone = points - origin, ordering.backbone - origin
     columns = np.ascontiguousarray(near.T)
+    half_width = ordering.half_width if ordering.noisy else ordering.radius
     direction, ratio = thin_direction(near, backbone)
     if viewpoint is None and ratio < ONE_SIDED:
-        if radius is None or ordering.radius < _THREAD * radius:
+        if radius is None or half_width < _THREAD * radius:
             return None
         # A wire in noise that is the same all around: no direction is the view, and any will do.
         tangent = unit(np.gradient(backbone, axis=0))
         view = np.ascontiguousarray(normals_to(tangent[cKDTree(backbone).query(near)[1]]).T)
         return object_of(
-            fit_strand(columns, view, backbone, ordering.radius), columns, view, radius, origin, side=True, around=True
+            fit_strand(columns, view, backbone, half_width), columns, view, radius, origin, side=True, around=True
         ), True
     view = rays(columns, None if viewpoint is None else viewpoint - origin, direction)
     assert view is not None
-    strand = fit_strand(columns, view, backbone, ordering.radius)
+    strand = fit_strand(columns, view, backbone, half_width)
     side = viewpoint is not None
     if not side:
         sure = _behind_at_edges(strand)

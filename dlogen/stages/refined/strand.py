@@ -41,6 +41,9 @@ _ROUGH_ROUNDS, _ROUNDS = 40, 5
 #: Half widths that the ends are followed by at a time.
 _ON = 3.0
 
+#: A gap at an end of so many half widths is a strand that crosses there.
+_OVER = 5.0
+
 #: Distance of the knots of a line that follows the shape of the object but not the noise, in half widths.
 _SHAPE = 20.0
 
@@ -191,5 +194,5 @@ def components(curve: TubeCurve, k, t, offset: Array, rays: Array) -> tuple[Arra
 
 def _supported(strand: Strand, margin: float, spacing: float) -> Strand:
     inlier = (strand.deviation < 1.0) & strand.on_curve
-    curve, x = on_support(strand.curve, strand.x, inlier, strand.half_width, margin, spacing, _MOST)
+    curve, x = on_support(strand.curve, strand.x, inlier, strand.half_width, margin, spacing, _MOST, _OVER)
     return replace(strand, curve=curve, x=x)

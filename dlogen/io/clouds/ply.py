@@ -25,7 +25,7 @@ _CAMERA = ("view_px", "view_py", "view_pz", *_AXES)
 
 def sniff(head: bytes) -> bool:
     """Whether a file that starts like this is a PLY file."""
-    return re.match(rb"ply[ \t]*[\r\n]", head) is not None or head.strip() == b"ply"
+    return re.match(rb"ply[ \t]*[\r\n]", head, re.IGNORECASE) is not None or head.strip().lower() == b"ply"
 
 
 def read(path: Path) -> RawCloud:

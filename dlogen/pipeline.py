@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dlogen._version import __version__
+from dlogen.config.fields import AUTO, given
 from dlogen.config.schema import Config
 from dlogen.errors import FitError
 from dlogen.geometry.arc_length import even_parameters
@@ -19,9 +20,11 @@ from dlogen.io.result import Result
 from dlogen.stages.chain import build_chain, chain_error
 from dlogen.stages.clean import clean
 from dlogen.stages.clock import Clock
+from dlogen.stages.mesh import surface_points, with_vertex_radius
 from dlogen.stages.output_frame import in_frame, output_frame
 from dlogen.stages.prepare import Prepared, check_left_out, check_points, prepare, without_far_points
 from dlogen.stages.quality.checks import check_deviation, check_line, explained
+from dlogen.stages.quality.known_length import check_length
 from dlogen.stages.quality.residual import tube_residual
 from dlogen.stages.segmentation.segment import segment
 from dlogen.stages.segmentation.specification import SegmentationSpec, allowed_deviation
@@ -64,8 +67,11 @@ def fit(
     cloud = cloud if isinstance(cloud, Cloud) else clean(cloud)
     clock = Clock()
     with clock.stage("input"):
-        prepared, frame, far = _prepared(cloud, config)
+        used, said = surface_points(cloud, config.mesh)
+        prepared, frame, far = _prepared(used, config)
     line = _skeleton_line(prepared.cloud, config, clock)  # III.B, III.C
+    if used.mesh is not None and config.r == AUTO:
+        line = with_vertex_radius(line, used.mesh.vertices * prepared.scale - prepared.centre)
     with clock.stage("segmentation"):
         spec, e_max = SegmentationSpec.of(config), allowed_deviation(config, line.radius)
         segmentation = _segmented(line, e_max, spec)  # III.D, III.E
@@ -73,7 +79,13 @@ def fit(
     with clock.stage("mdtw"):
         error = chain_error(line.skeleton, chain, config.mdtw.samples)  # IV.A
     with clock.stage("checks"):
-        findings = (*line.findings, *check_left_out(far), *_checked(line, segmentation, e_max))
+        findings = (
+            *check_length(line.skeleton.length, given(config.length)),
+            *line.findings,
+            *said,
+            *check_left_out(far),
+            *_checked(line, segmentation, e_max),
+        )
     chosen = {**line.chosen, "units": prepared.units, "e_max": e_max, "segmentation.criterion": spec.criterion}
     resolved = config.resolved(chosen)
     provenance = _provenance(cloud, len(prepared.cloud), resolved)

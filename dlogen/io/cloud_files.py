@@ -22,7 +22,7 @@ from dlogen.io.atomic import write_with
 from dlogen.io.parsing.text_encoding import plain_text
 from dlogen.io.registry import CloudFormat, cloud_formats
 from dlogen.stages.clean import clean, vectors
-from dlogen.types import Array, Cloud, RawCloud, Source
+from dlogen.types import Array, Cloud, Mesh, RawCloud, Source
 
 _HEAD = 4096
 _CHUNK = 1 << 20
@@ -105,7 +105,8 @@ def read_cloud(path: str | Path, *, raw: RawCloud | None = None) -> Cloud:
     except InputError as error:
         error.path = path
         raise
-    return replace(cloud, source=source)
+    mesh = None if raw.triangles is None else Mesh(raw.points, raw.triangles)
+    return replace(cloud, source=source, mesh=mesh)
 
 
 def write_cloud(

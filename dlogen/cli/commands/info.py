@@ -45,6 +45,7 @@ def _rows(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("points", f"{found['points']} of {found['declared_points']}"),
         ("dropped", f"{dropped['non_finite']} not finite, {dropped['duplicates']} duplicates"),
         *([("very far away", f"{found['far_away']} (left out)")] if found["far_away"] else []),
+        *([] if found["mesh"] is None else [("mesh", _mesh(**found["mesh"]))]),
         ("organised", "no" if found["organised"] is None else "{} x {} pixels".format(*found["organised"])),
         ("normals stored", "yes" if found["normals"] else "no"),
         ("viewpoint", "none" if found["viewpoint"] is None else _vector(found["viewpoint"])),
@@ -66,6 +67,15 @@ def _rows(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("N", str(chosen["N"])),
         ("normals.neighbours", str(chosen["normals.neighbours"])),
     ]
+
+
+def _mesh(triangles: int, sampled: int) -> str:
+    """Its size, and what a fit makes of it."""
+    if sampled:
+        return (
+            f"{triangles} triangles; a fit spreads {sampled} points over them (--set mesh=vertices: uses the vertices)"
+        )
+    return f"{triangles} triangles; a fit uses the vertices (--set mesh=sample: points spread over the triangles)"
 
 
 def _units(used: str, guess: str, given: bool) -> str:

@@ -159,6 +159,13 @@ UNITS = _kind(
     "Set units to what the numbers of the cloud are (m, cm or mm), if they are not metres.",
 )
 
+MESH_SAMPLED = _kind(
+    "mesh-sampled",
+    ("note",),
+    "The file is a mesh whose vertices do not cover its surface: points spread over its faces were used.",
+    "Nothing. To use the vertices, set mesh to vertices.",
+)
+
 # Where the line is a guess.
 
 GAP = _kind(
@@ -261,6 +268,13 @@ DEVIATION_ABOVE_E_MAX = _kind(
     ("doubtful",),
     "The chain is farther from the line than e_max: its segments are as they were asked for, and too long for that.",
     "Ask for more or shorter segments, leave the settings in segmentation at auto, or allow a larger e_max.",
+)
+LENGTH_MISMATCH = _kind(
+    "length-mismatch",
+    ("doubtful",),
+    "The line is longer or shorter than the known length that was given, by more than 3 %.",
+    "If it is shorter, a part of the object is not in the cloud or was left out; if it is longer, the line takes in "
+    "something else (--plot). Check length and units, which are metres for length whatever the cloud has.",
 )
 SETTINGS_NOT_USED = _kind(
     "settings-not-used",

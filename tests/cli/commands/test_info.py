@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from swept_meshes import elbow
 
 from dlogen.cli.main import cli
 from dlogen.evaluation.shapes import centre_line
@@ -45,6 +46,17 @@ def test_counts_and_fields(tmp_path: Path) -> None:
     assert (found["declared_points"], found["points"]) == (4012, 4000)
     assert found["format"] == "pcd" and found["fields"] == ["x", "y", "z"]
     assert found["viewpoint"] == pytest.approx([0.1, 0.2, 0.3])
+
+
+def test_a_mesh(tmp_path: Path) -> None:
+    (tmp_path / "a.ply").write_bytes(elbow(0.02, 0.5, 0.1).ply())
+    found = json.loads(run(tmp_path / "a.ply", "--json").stdout)
+    assert found["mesh"]["triangles"] == 1088 and found["mesh"]["sampled"] > 10_000
+    assert (found["points"], found["problem"]) == (576, None)
+    # The vertices are in two clumps, which tell no radius.
+    assert found["chosen"]["r"] == pytest.approx(0.02, rel=0.03)
+    text = run(tmp_path / "a.ply").stdout
+    assert f"1088 triangles; a fit spreads {found['mesh']['sampled']} points over them" in text
 
 
 def test_for_people(tmp_path: Path) -> None:

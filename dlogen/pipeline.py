@@ -28,7 +28,7 @@ from dlogen.stages.quality.known_length import check_length
 from dlogen.stages.quality.residual import tube_residual
 from dlogen.stages.segmentation.segment import segment
 from dlogen.stages.segmentation.specification import SegmentationSpec, allowed_deviation
-from dlogen.types import Chain, Cloud, Finding, FittedLine, Frame, Mdtw, Quality, Segmentation
+from dlogen.types import Array, Chain, Cloud, Finding, FittedLine, Frame, Mdtw, Quality, Segmentation
 
 #: Points of the skeleton line in the outputs.
 SKELETON_POINTS = 1000
@@ -96,11 +96,20 @@ def fit(
 def _prepared(cloud: Cloud, config: Config) -> tuple[Prepared, Frame, int]:
     """The cloud as the stages take it, the frame of the output, and how many points mark missing data."""
     near, far = without_far_points(cloud)
-    check_points(near.points, surface=config.projection.enabled)
+    check_points(near.points, surface=config.projection.enabled and not _are_flat_nodes(near.points, config))
     # Points in the sensor's own frame are seen from its origin.
     seen = replace(near, viewpoint=np.zeros(3)) if config.frame.use_viewpoint else near
     prepared = prepare(seen, config.units)
     return prepared, output_frame(config.frame, cloud, prepared.scale), far
+
+
+def _are_flat_nodes(points: Array, config: Config) -> bool:
+    """Whether a flat cloud is one that the profile takes: nodes of a curve in a plane."""
+    if config.profile == "paper":
+        return False
+    from dlogen.stages.refined.node_line import flat_nodes
+
+    return flat_nodes(points)
 
 
 def _skeleton_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:

@@ -14,7 +14,8 @@ from dlogen.geometry.units import guess_units
 from dlogen.stages.mesh import surface_points
 from dlogen.stages.paper.normals import choose_neighbours
 from dlogen.stages.paper.sorting import choose_search_radius
-from dlogen.stages.prepare import check_points, prepare, without_far_points
+from dlogen.stages.prepare import MIN_POINTS, check_points, prepare, without_far_points
+from dlogen.stages.refined.node_line import clear_order
 from dlogen.stages.scale import estimate_scale
 from dlogen.stages.segmentation.specification import allowed_deviation
 from dlogen.types import Cloud
@@ -59,8 +60,12 @@ def inspect(cloud: Cloud, units: str = AUTO) -> dict[str, Any]:
         "problem": None,
     }
     points = prepared.cloud.points
+    nodes = len(points) >= MIN_POINTS and clear_order(points) is not None
+    out["nodes"] = nodes
     try:
-        check_points(near.points)
+        check_points(near.points, surface=not nodes)
+        if nodes:
+            return out
         found = estimate_scale(points)
     except DlogenError as error:
         return {**out, "problem": error.message}

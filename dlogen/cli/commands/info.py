@@ -56,6 +56,8 @@ def _rows(found: dict[str, Any]) -> list[tuple[str, str]]:
     ]
     if found["problem"] is not None:
         return [*rows, ("cannot be fitted", found["problem"])]
+    if found["nodes"]:
+        return [*rows, ("nodes", "the points lie on a line and show no width: a fit needs --set r=... (metres)")]
     scale, chosen = found["scale"], found["chosen"]
     sure = "" if scale["radius_reliable"] else " (not sure: the cross-sections do not agree on one)"
     return [

@@ -67,15 +67,19 @@ def clear_nodes(points: Array, known: float | None) -> FittedLine | None:
     Raises:
         ConfigError: the given radius is larger than the cloud.
     """
+    order = clear_order(points)
+    return None if order is None else node_line(points, order, known)
+
+
+def clear_order(points: Array) -> NodeOrder | None:
+    """The order of a cloud whose points clearly are nodes on the axis, in any units; None for any other cloud."""
     if len(points) > MOST_NODES and not is_thin(points):
         return None
     order = order_nodes(points, clear=True)
     if order is None or not order.likely:
         return None
     # Points of scan lines along a tube lie on lines, too, but show a radius.
-    if not order.certain and estimate_scale(points).radius_reliable:
-        return None
-    return node_line(points, order, known)
+    return order if order.certain or not estimate_scale(points).radius_reliable else None
 
 
 def possible_nodes(points: Array, known: float | None) -> FittedLine | None:
@@ -92,8 +96,7 @@ def flat_nodes(points: Array) -> bool:
     extent = np.ptp(points, axis=0)
     if extent.min() > 1e-9 * extent.max() or not (points % 1.0).any():
         return False
-    order = order_nodes(points, clear=True)
-    return order is not None and order.likely
+    return clear_order(points) is not None
 
 
 def node_line(points: Array, order: NodeOrder, known: float | None) -> FittedLine:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from node_lines import WAVE, even
 from swept_meshes import elbow
 
 from dlogen.cli.main import cli
@@ -57,6 +58,15 @@ def test_a_mesh(tmp_path: Path) -> None:
     assert found["chosen"]["r"] == pytest.approx(0.02, rel=0.03)
     text = run(tmp_path / "a.ply").stdout
     assert f"1088 triangles; a fit spreads {found['mesh']['sampled']} points over them" in text
+
+
+def test_nodes_on_the_axis(tmp_path: Path) -> None:
+    write_cloud(tmp_path / "a.ply", even(WAVE, 40))
+    found = json.loads(run(tmp_path / "a.ply", "--json").stdout)
+    assert found["nodes"] is True and found["problem"] is None and "chosen" not in found
+    assert "the points lie on a line and show no width" in run(tmp_path / "a.ply").stdout
+    write_cloud(tmp_path / "b.ply", CLOUD)
+    assert json.loads(run(tmp_path / "b.ply", "--json").stdout)["nodes"] is False
 
 
 def test_for_people(tmp_path: Path) -> None:

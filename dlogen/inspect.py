@@ -15,6 +15,7 @@ from dlogen.stages.mesh import surface_points
 from dlogen.stages.paper.normals import choose_neighbours
 from dlogen.stages.paper.sorting import choose_search_radius
 from dlogen.stages.prepare import MIN_POINTS, check_points, prepare, without_far_points
+from dlogen.stages.quality.coordinates import coordinate_steps
 from dlogen.stages.refined.node_line import clear_order
 from dlogen.stages.scale import estimate_scale
 from dlogen.stages.segmentation.specification import allowed_deviation
@@ -62,7 +63,11 @@ def inspect(cloud: Cloud, units: str = AUTO) -> dict[str, Any]:
     points = prepared.cloud.points
     nodes = len(points) >= MIN_POINTS and clear_order(points) is not None
     out["nodes"] = nodes
+    steps = coordinate_steps(near.points)
+    out["steps"] = (steps.along * prepared.scale).tolist()
+    out["few_digits"] = steps.said(prepared.scale) if steps.few_digits else None
     try:
+        steps.check(near.points, prepared.scale)
         check_points(near.points, surface=not nodes)
         if nodes:
             return out

@@ -24,6 +24,7 @@ from dlogen.stages.mesh import surface_points, with_vertex_radius
 from dlogen.stages.output_frame import in_frame, output_frame
 from dlogen.stages.prepare import Prepared, check_left_out, check_points, prepare, without_far_points
 from dlogen.stages.quality.checks import check_deviation, check_line, explained
+from dlogen.stages.quality.coordinates import Steps, check_steps, coordinate_steps
 from dlogen.stages.quality.known_length import check_length
 from dlogen.stages.quality.residual import tube_residual
 from dlogen.stages.segmentation.segment import segment
@@ -68,7 +69,7 @@ def fit(
     clock = Clock()
     with clock.stage("input"):
         used, said = surface_points(cloud, config.mesh)
-        prepared, frame, far = _prepared(used, config)
+        prepared, frame, steps, far = _prepared(used, config)
     line = _skeleton_line(prepared.cloud, config, clock)  # III.B, III.C
     if used.mesh is not None and config.r == AUTO:
         line = with_vertex_radius(line, used.mesh.vertices * prepared.scale - prepared.centre)
@@ -83,6 +84,7 @@ def fit(
             *check_length(line.skeleton.length, given(config.length)),
             *line.findings,
             *said,
+            *check_steps(steps, prepared.scale, line.radius),
             *check_left_out(far),
             *_checked(line, segmentation, e_max),
         )
@@ -93,14 +95,16 @@ def fit(
     return in_frame(result, frame, prepared.centre)
 
 
-def _prepared(cloud: Cloud, config: Config) -> tuple[Prepared, Frame, int]:
-    """The cloud as the stages take it, the frame of the output, and how many points mark missing data."""
+def _prepared(cloud: Cloud, config: Config) -> tuple[Prepared, Frame, Steps, int]:
+    """The cloud as the stages take it, the output's frame, the steps of coordinates, how many points are no data."""
     near, far = without_far_points(cloud)
-    check_points(near.points, surface=config.projection.enabled and not _are_flat_nodes(near.points, config))
     # Points in the sensor's own frame are seen from its origin.
     seen = replace(near, viewpoint=np.zeros(3)) if config.frame.use_viewpoint else near
     prepared = prepare(seen, config.units)
-    return prepared, output_frame(config.frame, cloud, prepared.scale), far
+    steps = coordinate_steps(near.points)
+    steps.check(near.points, prepared.scale)
+    check_points(near.points, surface=config.projection.enabled and not _are_flat_nodes(near.points, config))
+    return prepared, output_frame(config.frame, cloud, prepared.scale), steps, far
 
 
 def _are_flat_nodes(points: Array, config: Config) -> bool:

@@ -54,6 +54,8 @@ def _rows(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("from", _vector(found["minimum"])),
         ("to", _vector(found["maximum"])),
     ]
+    if found["few_digits"] is not None:
+        rows.append(("digits", found["few_digits"]))
     if found["problem"] is not None:
         return [*rows, ("cannot be fitted", found["problem"])]
     if found["nodes"]:

@@ -159,6 +159,22 @@ UNITS = _kind(
     "Set units to what the numbers of the cloud are (m, cm or mm), if they are not metres.",
 )
 
+FEW_DIGITS = _kind(
+    "few-digits",
+    ("note", "doubtful", "bad"),
+    "The numbers of the file have too few digits for where the cloud is: far from the origin, single precision leaves "
+    "steps that are large beside the object.",
+    "Export the cloud with double precision, or subtract the survey offset before it is stored in single precision. "
+    "What was rounded away cannot be found again.",
+)
+COARSE_GRID = _kind(
+    "coarse-grid",
+    ("note", "doubtful"),
+    "The points lie on a grid, as the centres of voxels do or numbers with few decimals; from half of the radius on "
+    "this makes the object seem thicker than it is.",
+    "Thin the cloud out with smaller voxels, or keep the mean of the points of each voxel in place of its centre; or "
+    "give r.",
+)
 MESH_SAMPLED = _kind(
     "mesh-sampled",
     ("note",),

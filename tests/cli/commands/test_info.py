@@ -69,6 +69,16 @@ def test_nodes_on_the_axis(tmp_path: Path) -> None:
     assert json.loads(run(tmp_path / "b.ply", "--json").stdout)["nodes"] is False
 
 
+def test_few_digits(tmp_path: Path) -> None:
+    write_cloud(tmp_path / "a.ply", (CLOUD + np.array([1e5, 0.0, 0.0])).astype(np.float32))
+    found = json.loads(run(tmp_path / "a.ply", "--json").stdout)
+    assert found["steps"] == [pytest.approx(2.0**-7), 0.0, 0.0]
+    assert "digits                 x is stored in steps of 7.81 mm at 1e+05" in run(tmp_path / "a.ply").stdout
+    write_cloud(tmp_path / "b.ply", (CLOUD + np.array([5e6, 0.0, 0.0])).astype(np.float32))
+    found = json.loads(run(tmp_path / "b.ply", "--json").stdout)
+    assert "single precision" in found["problem"]
+
+
 def test_for_people(tmp_path: Path) -> None:
     write_cloud(tmp_path / "a.ply", CLOUD)
     result = run(tmp_path / "a.ply")

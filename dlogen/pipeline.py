@@ -25,8 +25,10 @@ from dlogen.stages.output_frame import in_frame, output_frame
 from dlogen.stages.prepare import Prepared, check_left_out, check_points, prepare, without_far_points
 from dlogen.stages.quality.checks import check_deviation, check_line, explained
 from dlogen.stages.quality.coordinates import Steps, check_steps, coordinate_steps
+from dlogen.stages.quality.findings import UNITS
 from dlogen.stages.quality.known_length import check_length
 from dlogen.stages.quality.residual import tube_residual
+from dlogen.stages.quality.units import check_units
 from dlogen.stages.segmentation.segment import segment
 from dlogen.stages.segmentation.specification import SegmentationSpec, allowed_deviation
 from dlogen.types import Array, Chain, Cloud, Finding, FittedLine, Frame, Mdtw, Quality, Segmentation
@@ -88,6 +90,11 @@ def fit(
             *check_left_out(far),
             *_checked(line, segmentation, e_max),
         )
+        asked = check_units(
+            line.skeleton.length, line.radius, config.units, prepared.units, radius_given=config.r != AUTO
+        )
+        # Those that name the units that would fit come in place of those that only ask for them.
+        findings = (*asked, *(item for item in findings if not (asked and UNITS.matches(item))))
     chosen = {**line.chosen, "units": prepared.units, "e_max": e_max, "segmentation.criterion": spec.criterion}
     resolved = config.resolved(chosen)
     provenance = _provenance(cloud, len(prepared.cloud), resolved)

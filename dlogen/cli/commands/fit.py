@@ -173,11 +173,11 @@ def _place(finding: Finding) -> str:
 
 def _lines(findings: tuple[Finding, ...]) -> Iterator[tuple[str, bool]]:
     """Findings as text, those of a kind in one line with the worst one's message, and whether they are mere notes."""
-    from dlogen.stages.quality.findings import SETTINGS_NOT_USED
+    from dlogen.stages.quality.findings import SETTINGS_NOT_USED, UNITS
 
     kinds: dict[tuple[str, bool], list[Finding]] = {}
     for finding in findings:
-        quiet = finding.is_note and not SETTINGS_NOT_USED.matches(finding)
+        quiet = finding.is_note and not (SETTINGS_NOT_USED.matches(finding) or UNITS.matches(finding))
         kinds.setdefault((finding.code, quiet), []).append(finding)
     for (code, quiet), alike in kinds.items():
         first = max(alike, key=lambda finding: finding.gravity)

@@ -154,11 +154,11 @@ TOO_FEW_POINTS = _kind(
 )
 UNITS = _kind(
     "units",
-    ("doubtful",),
-    "The object is longer or shorter than cables are: the numbers of the cloud look like other units.",
-    "Set units to what the numbers of the cloud are (m, cm or mm), if they are not metres.",
+    ("note", "doubtful", "bad"),
+    "The object is thicker, longer or shorter than cables are: the numbers of the cloud look like other units. A note "
+    "says what they were taken for where units is auto.",
+    "Set units to what the numbers of the cloud are (m, cm or mm). If they are right, give r, the radius in metres.",
 )
-
 FEW_DIGITS = _kind(
     "few-digits",
     ("note", "doubtful", "bad"),

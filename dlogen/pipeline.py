@@ -94,7 +94,8 @@ def fit(
             line.skeleton.length, line.radius, config.units, prepared.units, radius_given=config.r != AUTO
         )
         # Those that name the units that would fit come in place of those that only ask for them.
-        findings = (*asked, *(item for item in findings if not (asked and UNITS.matches(item))))
+        known = max((item.gravity for item in asked), default=-1)
+        findings = (*asked, *(item for item in findings if not UNITS.matches(item) or item.gravity > known))
     chosen = {**line.chosen, "units": prepared.units, "e_max": e_max, "segmentation.criterion": spec.criterion}
     resolved = config.resolved(chosen)
     provenance = _provenance(cloud, len(prepared.cloud), resolved)

@@ -13,7 +13,7 @@ import numpy as np
 from dlogen.errors import FitError
 from dlogen.geometry.sampling import spatial_sample
 from dlogen.stages.quality.findings import COARSE_GRID, FEW_DIGITS
-from dlogen.types import Array, BoolArray, Finding, Severity
+from dlogen.types import Array, BoolArray, Finding
 from dlogen.types.texts import millimetres
 
 #: Size of the subset that tells the steps.
@@ -131,8 +131,8 @@ def check_steps(steps: Steps, scale: float, radius: float) -> list[Finding]:
     if share <= _NOTED:
         return []
     if steps.few_digits:
-        severity: Severity = "note" if share <= _SPOILT else "doubtful" if share <= _LOST else "bad"
-        return [FEW_DIGITS.found(f"{steps.said(scale)} ({100 * share:.0f} % of the radius)", severity)]
+        message = f"{steps.said(scale)} ({100 * share:.0f} % of the radius)"
+        return [FEW_DIGITS.found(message, "note" if share <= _SPOILT else "doubtful" if share <= _LOST else "bad")]
     if not steps.is_grid:
         return []
     step = millimetres(scale * steps.largest)

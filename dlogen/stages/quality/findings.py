@@ -155,23 +155,20 @@ TOO_FEW_POINTS = _kind(
 UNITS = _kind(
     "units",
     ("note", "doubtful", "bad"),
-    "The object is thicker, longer or shorter than cables are: the numbers of the cloud look like other units. A note "
-    "says what they were taken for where units is auto.",
+    "The object is thicker, longer or shorter than cables are (other units?); a note says what auto took.",
     "Set units to what the numbers of the cloud are (m, cm or mm). If they are right, give r, the radius in metres.",
 )
 FEW_DIGITS = _kind(
     "few-digits",
     ("note", "doubtful", "bad"),
-    "The numbers of the file have too few digits for where the cloud is: far from the origin, single precision leaves "
-    "steps that are large beside the object.",
+    "The numbers have too few digits so far from the origin: they are stored in steps that are large beside the object.",
     "Export the cloud with double precision, or subtract the survey offset before it is stored in single precision. "
     "What was rounded away cannot be found again.",
 )
 COARSE_GRID = _kind(
     "coarse-grid",
     ("note", "doubtful"),
-    "The points lie on a grid, as the centres of voxels do or numbers with few decimals; from half of the radius on "
-    "this makes the object seem thicker than it is.",
+    "The points lie on a grid, as centres of voxels do: if it is coarse, the object seems thicker than it is.",
     "Thin the cloud out with smaller voxels, or keep the mean of the points of each voxel in place of its centre; or "
     "give r.",
 )
@@ -288,7 +285,7 @@ DEVIATION_ABOVE_E_MAX = _kind(
 LENGTH_MISMATCH = _kind(
     "length-mismatch",
     ("doubtful",),
-    "The line is longer or shorter than the known length that was given, by more than 3 %.",
+    "The line is longer or shorter than the known length that was given (by more than 3 %).",
     "If it is shorter, a part of the object is not in the cloud or was left out; if it is longer, the line takes in "
     "something else (--plot). Check length and units, which are metres for length whatever the cloud has.",
 )

@@ -161,7 +161,7 @@ UNITS = _kind(
 FEW_DIGITS = _kind(
     "few-digits",
     ("note", "doubtful", "bad"),
-    "The numbers have too few digits so far from the origin: they are stored in steps that are large beside the object.",
+    "The numbers have too few digits so far from the origin: their steps are large beside the object.",
     "Export the cloud with double precision, or subtract the survey offset before it is stored in single precision. "
     "What was rounded away cannot be found again.",
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from dlogen.config.fields import given
@@ -23,6 +25,7 @@ from dlogen.stages.quality.cross_section import check_cross_section
 from dlogen.stages.quality.cut_ends import cut_ends
 from dlogen.stages.quality.findings import CLOSED_RING, SIDE_BY_SIDE
 from dlogen.stages.refined.fit_findings import fit_findings
+from dlogen.stages.refined.node_line import clear_nodes, possible_nodes
 from dlogen.stages.refined.ordering import Ordering, order, order_strip
 from dlogen.stages.refined.refine import Refined, refine
 from dlogen.stages.refined.regime import is_doubted, shows_surface
@@ -58,6 +61,22 @@ def refined_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:
         FitError: no line can be made from it.
     """
     points, known = cloud.points, given(config.r)
+    nodes = clear_nodes(points, known)
+    if nodes is not None:
+        return replace(nodes, findings=(*check_settings_used(config, _PAPER_ONLY), *nodes.findings))
+    try:
+        return _tube_line(cloud, known, config, clock)
+    except FitError:
+        # What has no width is no tube, but may be the nodes of a tracker.
+        nodes = possible_nodes(points, known)
+        if nodes is None:
+            raise
+        return replace(nodes, findings=(*check_settings_used(config, _PAPER_ONLY), *nodes.findings))
+
+
+def _tube_line(cloud: Cloud, known: float | None, config: Config, clock: Clock) -> FittedLine:
+    """The line of points that lie on a surface."""
+    points = cloud.points
     with clock.stage("scale"):
         check_given_radius(points, known)
         scale = estimate_scale(points, radius=known)

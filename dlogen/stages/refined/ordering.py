@@ -6,6 +6,7 @@ says so. What comes out is the same for every order of the input points.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -160,8 +161,10 @@ def order(
     tree = cKDTree(sample)
     spacing = scale.spacing / np.sqrt(thinned)
     votes, projected = axis_votes(sample, tree, r, spacing)
-    if projected.any() and not votes_agree(sample, votes, projected, r):
-        return order_strip(points, scale, radius, viewpoint)
+    if projected.any() and not votes_agree(sample, votes, projected, r) and not _wrong_radius(points, radius):
+        # A table or a ball is no strip either: what it is is said of the line through its votes.
+        with contextlib.suppress(FitError):
+            return order_strip(points, scale, radius, viewpoint)
     return _traced(
         sample,
         votes,
@@ -174,6 +177,17 @@ def order(
         False,
         lambda place: place + origin,
     )
+
+
+def _wrong_radius(points: Array, radius: float | None) -> bool:
+    """Whether normals say nothing with a given radius only because it is wrong."""
+    if radius is None:
+        return False
+    scale = estimate_scale(points)
+    sample = points[spatial_sample(points, _SAMPLE)]
+    spacing = scale.spacing * np.sqrt(len(points) / len(sample))
+    votes, projected = axis_votes(sample, cKDTree(sample), scale.radius, spacing)
+    return bool(projected.any()) and votes_agree(sample, votes, projected, scale.radius)
 
 
 def order_strip(points: Array, scale: Scale, radius: float | None, viewpoint: Array | None) -> Ordering:

@@ -105,6 +105,8 @@ def _fitted(cloud: Cloud, ordering: Ordering, known: float | None) -> Refined | 
         if not ordering.noisy and not is_doubted(fitted):
             return fitted
     except FitError as reason:
+        if any(item.is_bad for item in ordering.findings):
+            raise explained(reason, ordering.findings) from reason
         fitted, failed = None, reason
     try:
         seen = strand_fit(points, cloud.viewpoint, ordering, known)

@@ -24,6 +24,7 @@ from dlogen.stages.quality.contacts import check_contacts
 from dlogen.stages.quality.cross_section import check_cross_section
 from dlogen.stages.quality.cut_ends import cut_ends
 from dlogen.stages.quality.findings import CLOSED_RING, SIDE_BY_SIDE
+from dlogen.stages.quality.left_over import check_left_over
 from dlogen.stages.refined.fit_findings import fit_findings
 from dlogen.stages.refined.node_line import clear_nodes, possible_nodes
 from dlogen.stages.refined.ordering import Ordering, order, order_strip
@@ -133,7 +134,11 @@ def _of_strand(points: Array, ordering: Ordering, fit: StrandFit, side: bool, co
             Intermediate("tube", points[along], {"s": fit.s[along], "residual": fit.residuals[along]}, colour="s"),
             Intermediate("off_tube", points[~fit.inliers], {"residual": fit.residuals[~fit.inliers]}),
         ),
-        (*check_settings_used(config, _PAPER_ONLY), *strand_findings(fit, ordering, given(config.r), side)),
+        (
+            *check_settings_used(config, _PAPER_ONLY),
+            *strand_findings(fit, ordering, given(config.r), side),
+            *check_left_over(points, fit.skeleton, fit.half_width, fit.noise),
+        ),
         {"r": fit.radius, "N": fit.skeleton.basis.size},
         fit.regime,
     )
@@ -170,6 +175,7 @@ def _of_surface(points: Array, ordering: Ordering, fitted: Refined, config: Conf
             *([] if ring else check_contacts(even, ordering.backbone, radius)),
             *cut_ends(points, s, on_tube, skeleton, radius),
             *check_followed(points, ordering.backbone, residual + radius, radius),
+            *check_left_over(points, skeleton, radius, fitted.noise),
             *check_radius_along(skeleton, radius, s, residual + radius),
             *([] if oval else check_cross_section(points, s, residual, skeleton, radius)),
             *check_bends(skeleton, radius, s[on_tube]),

@@ -120,7 +120,7 @@ def _kind(code: str, severities: tuple[Severity, ...], meaning: str, what_to_do:
 
 NOT_A_LINE = _kind(
     "not-a-line",
-    ("bad",),
+    ("doubtful", "bad"),
     "The cloud is not that of a line alone: much of it is no line, or the object is hardly longer than it is wide.",
     "Leave only the object in the cloud, without table, background and fixtures (dlogen extract cuts it out of a "
     "scene), and check r and units.",

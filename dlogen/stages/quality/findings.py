@@ -184,9 +184,10 @@ SIDE_BY_SIDE = _kind(
 )
 END_CUT_OFF = _kind(
     "end-cut-off",
-    ("doubtful",),
-    "An end is not square, as where the view or a crop cuts through an object: it may go on there.",
-    "Capture all of the object, or crop the cloud squarely where the chain is to end.",
+    ("note", "doubtful"),
+    "An end is not square, as where the view or a crop cuts through an object: it may go on there. It is a note where "
+    "one side was seen less far than the other, whose edge is square.",
+    "Nothing if it is a note. Otherwise capture all of the object, or crop the cloud squarely where the chain is to end.",
 )
 CURVATURE_UNCERTAIN = _kind(
     "curvature-uncertain",

@@ -187,7 +187,7 @@ END_CUT_OFF = _kind(
     ("note", "doubtful"),
     "An end is not square, as where the view or a crop cuts through an object: it may go on there. It is a note where "
     "one side was seen less far than the other, whose edge is square.",
-    "Nothing if it is a note. Otherwise capture all of the object, or crop the cloud squarely where the chain is to end.",
+    "Nothing if it is a note. Otherwise capture all of the object, or crop it squarely where the chain is to end.",
 )
 CURVATURE_UNCERTAIN = _kind(
     "curvature-uncertain",

@@ -28,7 +28,14 @@ _BAND, _MORE = 0.2, 30.0
 _BAND_DUE, _BAND_FEWEST, _BAND_GAP = 16, 6, 40.0
 
 
-def cut_ends(points: Array, s: Array, on_tube: BoolArray, line: Skeleton, radius: float) -> list[Finding]:
+def cut_ends(
+    points: Array,
+    s: Array,
+    on_tube: BoolArray,
+    line: Skeleton,
+    radius: float,
+    closed: tuple[bool, bool] = (False, False),
+) -> list[Finding]:
     """Findings about ends whose edge runs obliquely around the tube.
 
     The edge of a square end is at the same s all around. For each sector of the circumference the last point is taken,
@@ -40,9 +47,12 @@ def cut_ends(points: Array, s: Array, on_tube: BoolArray, line: Skeleton, radius
         on_tube: (M,) which are points of the tube.
         line: the skeleton line.
         radius: of the object, metres.
+        closed: which ends were seen to be closed by a face: the object ends there, however oblique that is.
     """
     findings = []
-    for end, name in ((0.0, "first"), (1.0, "last")):
+    for end, name, seen in ((0.0, "first", closed[0]), (1.0, "last", closed[1])):
+        if seen:
+            continue
         # Feet are clipped to the line; beyond its end the distance along its tangent counts.
         tip, tangent = line(end), line(end, 1)
         tangent = unit(tangent) * (1.0 if end == 1.0 else -1.0)

@@ -22,6 +22,7 @@ from dlogen.stages.quality.contacts import check_contacts
 from dlogen.stages.quality.cross_section import check_cross_section
 from dlogen.stages.quality.cut_ends import cut_ends
 from dlogen.stages.quality.findings import CLOSED_RING, SIDE_BY_SIDE
+from dlogen.stages.refined.caps import on_faces
 from dlogen.stages.refined.fit_findings import fit_findings
 from dlogen.stages.refined.ordering import Ordering, order, order_strip
 from dlogen.stages.refined.refine import Refined, refine
@@ -132,10 +133,12 @@ def _of_surface(points: Array, ordering: Ordering, fitted: Refined, config: Conf
     # The two ends of a ring overlap.
     ring = any(CLOSED_RING.matches(item) and item.is_bad for item in ordering.findings)
     even = skeleton(even_parameters(skeleton, round(skeleton.length / radius) + 1))
+    faces = on_faces(s, residual, on_tube, fitted.closed, radius / skeleton.length)
     return FittedLine(
         skeleton,
         radius,
-        residual + radius,
+        # The faces of closed ends are no points that a tube would have missed.
+        np.where(faces, np.inf, residual + radius),
         on_tube,
         (
             Intermediate("ordering", ordering.backbone),
@@ -146,7 +149,7 @@ def _of_surface(points: Array, ordering: Ordering, fitted: Refined, config: Conf
             *check_settings_used(config, _PAPER_ONLY),
             *fit_findings(ordering, fitted),
             *([] if ring else check_contacts(even, ordering.backbone, radius)),
-            *cut_ends(points, s, on_tube, skeleton, radius),
+            *cut_ends(points, s, on_tube, skeleton, radius, fitted.closed),
             *check_followed(points, ordering.backbone, residual + radius, radius),
             *check_radius_along(skeleton, radius, s, residual + radius),
             *([] if oval else check_cross_section(points, s, residual, skeleton, radius)),

@@ -29,6 +29,7 @@ from dlogen.stages.refined.refine import Refined, refine
 from dlogen.stages.refined.regime import is_doubted, shows_surface
 from dlogen.stages.refined.strand_axis import StrandFit
 from dlogen.stages.refined.strand_line import strand_findings, strand_fit
+from dlogen.stages.refined.veil import without_veil
 from dlogen.stages.scale import estimate_scale
 from dlogen.types import Array, Cloud, FittedLine, Intermediate
 
@@ -64,7 +65,8 @@ def refined_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:
         scale = estimate_scale(points, radius=known)
 
     with clock.stage("ordering"):
-        ordering = order(points, known, scale, cloud.viewpoint)
+        cloud, ordering = without_veil(cloud, known, order(points, known, scale, cloud.viewpoint))
+        points = cloud.points
         if cloud.viewpoint is not None and not ordering.noisy and any(item.is_bad for item in ordering.findings):
             # Strands that meet are told apart by their edges in the view where noise mixes up their surfaces.
             seen = order_strip(points, scale, known, cloud.viewpoint)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from dlogen.config.fields import given
@@ -25,6 +27,7 @@ from dlogen.stages.quality.findings import CLOSED_RING, SIDE_BY_SIDE
 from dlogen.stages.refined.caps import on_faces
 from dlogen.stages.refined.fit_findings import fit_findings
 from dlogen.stages.refined.ordering import Ordering, order, order_strip
+from dlogen.stages.refined.plugs import with_plugs
 from dlogen.stages.refined.refine import Refined, refine
 from dlogen.stages.refined.regime import is_doubted, shows_surface
 from dlogen.stages.refined.strand_axis import StrandFit
@@ -75,19 +78,30 @@ def refined_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:
 
     with clock.stage("refine"):
         fitted = _fitted(cloud, ordering, known)
-    if isinstance(fitted, Refined):
-        return _of_surface(points, ordering, fitted, config)
+    if isinstance(fitted, _Surface):
+        return _of_surface(points, fitted, config)
     return _of_strand(points, ordering, *fitted, config)
 
 
-def _fitted(cloud: Cloud, ordering: Ordering, known: float | None) -> Refined | tuple[StrandFit, bool]:
+class _Surface(NamedTuple):
+    """A tube, what it was fitted to (the points, with plugs as thick as the object), and the order of these."""
+
+    moved: Array
+    ordering: Ordering
+    fit: Refined
+
+
+def _fitted(cloud: Cloud, ordering: Ordering, known: float | None) -> _Surface | tuple[StrandFit, bool]:
     """The tube, or the strip where the noise hides the surface; with the latter, whether its side is known."""
     points = cloud.points
     failed = None
     try:
         fitted = refine(points, ordering.backbone, ordering.radius, fixed_radius=known is not None)
+        plugged = None if ordering.noisy else with_plugs(points, ordering, fitted, known is not None)
+        surface = _Surface(points, ordering, fitted) if plugged is None else _Surface(*plugged)
+        fitted = surface.fit
         if not ordering.noisy and not is_doubted(fitted):
-            return fitted
+            return surface
     except FitError as reason:
         fitted, failed = None, reason
     try:
@@ -99,7 +113,7 @@ def _fitted(cloud: Cloud, ordering: Ordering, known: float | None) -> Refined | 
     if fitted is None:
         assert failed is not None
         raise explained(failed, ordering.findings) from failed
-    return fitted
+    return surface
 
 
 def _of_strand(points: Array, ordering: Ordering, fit: StrandFit, side: bool, config: Config) -> FittedLine:
@@ -120,9 +134,10 @@ def _of_strand(points: Array, ordering: Ordering, fit: StrandFit, side: bool, co
     )
 
 
-def _of_surface(points: Array, ordering: Ordering, fitted: Refined, config: Config) -> FittedLine:
+def _of_surface(points: Array, surface: _Surface, config: Config) -> FittedLine:
     """The line of an object whose surface was seen."""
     known = given(config.r)
+    moved, ordering, fitted = surface
     skeleton, radius, s, residual, on_tube = (
         fitted.skeleton,
         fitted.radius,
@@ -151,10 +166,10 @@ def _of_surface(points: Array, ordering: Ordering, fitted: Refined, config: Conf
             *check_settings_used(config, _PAPER_ONLY),
             *fit_findings(ordering, fitted),
             *([] if ring else check_contacts(even, ordering.backbone, radius)),
-            *cut_ends(points, s, on_tube, skeleton, radius, fitted.closed),
-            *check_followed(points, ordering.backbone, residual + radius, radius),
+            *cut_ends(moved, s, on_tube, skeleton, radius, fitted.closed),
+            *check_followed(moved, ordering.backbone, residual + radius, radius),
             *check_radius_along(skeleton, radius, s, residual + radius),
-            *([] if oval else check_cross_section(points, s, residual, skeleton, radius)),
+            *([] if oval else check_cross_section(moved, s, residual, skeleton, radius)),
             *check_bends(skeleton, radius, s[on_tube]),
             *([] if known is None else check_radius(known, estimate_scale(points))),
         ),

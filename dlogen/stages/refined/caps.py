@@ -27,8 +27,9 @@ _INSIDE, _SURE = 0.15, 4.0
 _FEWEST, _SHARE, _TIMES = 12, 0.15, 4.0
 
 #: A face reaches as far in as there are so many inside points as a share of the most, in bins of so many radii; and how
-#: much farther in its edge is, in radii.
-_STILL_FACE, _BIN, _MARGIN = 0.25, 0.25, 0.5
+#: much farther in its edge is, in radii; of a face that is flat and square, less, if
+#: the line does not bend at it by more than this, curvature times radius.
+_STILL_FACE, _BIN, _MARGIN, _FLAT_MARGIN, _UNBENT = 0.25, 0.25, 0.5, 0.3, 0.15
 
 #: Points nearer to the axis than this, in radii, tell where it goes through the face; and how many of them do.
 _CORE, _CORE_FEWEST = 0.4, 5
@@ -65,12 +66,14 @@ def find_caps(tube: Tube) -> Caps:
     on_tube = (np.abs(tube.residual) < max(_SURE * tube.sigma, 0.02 * radius)) & tube.on_curve
     if np.count_nonzero(on_tube) < _FEWEST:
         return Caps(-np.inf, np.inf)
-    high = _edge(s, inside, on_tube, radius)
-    low = -_edge(-s, inside, on_tube, radius)
+    bends = radius * tube.curve.curvature(np.array([0.5]))
+    near = max(1, round(_REACH * radius / tube.curve.step))
+    high = _edge(s, inside, on_tube, radius, float(bends[-near - 1 :].max()) < _UNBENT)
+    low = -_edge(-s, inside, on_tube, radius, float(bends[: near + 1].max()) < _UNBENT)
     return Caps(low, high)
 
 
-def _edge(s: Array, inside: BoolArray, on_tube: BoolArray, radius: float) -> float:
+def _edge(s: Array, inside: BoolArray, on_tube: BoolArray, radius: float, straight: bool) -> float:
     """Where the face of the upper end begins; infinite if there is none."""
     end = float(np.quantile(s[on_tube], 0.998))
     at_end = s > end - _REACH * radius
@@ -88,7 +91,8 @@ def _edge(s: Array, inside: BoolArray, on_tube: BoolArray, radius: float) -> flo
     most = int(np.argmax(counts))
     thin = np.flatnonzero(counts[most:] < max(_STILL_FACE * counts[most], 1.0))
     bins = most + int(thin[0]) if len(thin) else len(counts)
-    return float(face.max()) - bins * _BIN * radius - _MARGIN * radius
+    margin = _FLAT_MARGIN if straight and bins <= 2 else _MARGIN
+    return float(face.max()) - (bins * _BIN + margin) * radius
 
 
 def straight_beyond(curve: TubeCurve, low: float, high: float, more: tuple[float, float]) -> TubeCurve:

@@ -9,6 +9,7 @@ say nothing of the radius.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -18,23 +19,26 @@ from dlogen.geometry.vectors import unit
 from dlogen.stages.quality.findings import BRANCH, CROSSING, GAP, RADIUS_VARIES, SEVERAL_OBJECTS, STRAY_POINTS
 from dlogen.stages.refined.ordering import Ordering
 from dlogen.stages.refined.refine import Refined, refine
-from dlogen.types import Array, Finding
+from dlogen.types import Array, Finding, IntArray
 from dlogen.types.texts import millimetres
 
-#: Stretches of a radius that are looked at from either end, at most this share of the length; and how many in a row have
-#: to be as usual for the object to be certain.
+#: Stretches of a radius that are looked at from either end, at most this share of the length; and how many in a row
+#: have to be as usual for the object to be certain.
 _STRETCHES, _MOST, _IN_A_ROW = 24, 0.25, 4
 
 #: A stretch is as usual if so large a share of the points around is on the tube and a circle through them has its
 #: radius, to so much; points that a circle needs.
 _ON, _ALIKE, _CIRCLE = 0.75, 0.12, 15
 
-#: A plug is so many times as thick as the object, is followed in steps of so many radii, and has so large a share of its
-#: points so close to its radius, relative.
-_THICKER, _THICKEST, _STEP, _ROUND, _CLOSE = 1.2, 3.6, 0.5, 0.55, 0.15
+#: A plug is so many times as thick as the object, is followed in steps of so many radii or due points, and has so large
+#: a share of its points so close to its radius, relative.
+_THICKER, _THICKEST, _STEP, _PER_STEP, _ROUND, _CLOSE = 1.2, 3.6, 0.5, 12.0, 0.55, 0.15
 
 #: Least length of a plug in radii, and points that it needs.
 _SHORTEST, _FEWEST = 0.7, 30
+
+#: A plug is looked for so many radii ahead.
+_LONGEST = 30.0
 
 #: With so large a share of the points on the tube, no strays are worth a word.
 _NO_STRAYS = 0.98
@@ -75,25 +79,31 @@ def find_plug(points: Array, fitted: Refined, last: bool) -> Plug | None:
         last: whether the end at s = 1 is looked at.
     """
     line, radius = fitted.skeleton, fitted.radius
-    stretches = min(_STRETCHES, int(_MOST * line.length / radius))
+    # Where points are few, stretches are longer than a radius.
+    length = max(radius, _CIRCLE * line.length / max(0.7 * float(np.count_nonzero(fitted.inliers)), 1.0))
+    stretches = min(_STRETCHES, int(_MOST * line.length / length))
     if stretches < 2 * _IN_A_ROW:
         return None
-    step = radius / line.length
+    step = length / line.length
     s = 1.0 - fitted.s if last else fitted.s
     near = np.flatnonzero((s < stretches * step) & (np.abs(fitted.residuals) < _THICKEST * radius))
     order = near[np.argsort(s[near], kind="stable")]
     edges = np.searchsorted(s[order], step * np.arange(stretches + 1))
-    usual, at = 0, -1
+    usual: list[int] = []
     for k in range(stretches):
         inside = order[edges[k] : edges[k + 1]]
+        if len(inside) < _CIRCLE:
+            continue
         middle = (k + 0.5) * step
-        centre = 1.0 - middle if last else middle
-        usual = usual + 1 if _is_usual(points[inside], fitted, centre, inside) else 0
-        if usual == _IN_A_ROW:
-            at = k - _IN_A_ROW + 1
+        if _is_usual(points[inside], fitted, 1.0 - middle if last else middle, inside):
+            usual.append(k)
+        else:
+            usual.clear()
+        if len(usual) == _IN_A_ROW:
             break
-    if at < 0:
+    if len(usual) < _IN_A_ROW:
         return None
+    at = usual[0]
     # A stretch may be half usual.
     cut = (at + (1.0 if at else 0.25)) * step
     cut = 1.0 - cut if last else cut
@@ -101,10 +111,8 @@ def find_plug(points: Array, fitted: Refined, last: bool) -> Plug | None:
     return _followed(points, fitted, place, direction, cut)
 
 
-def _is_usual(points: Array, fitted: Refined, s: float, inside: Array) -> bool:
-    """Whether a stretch of the line around s has points of the object only, or none that could tell."""
-    if len(inside) < _CIRCLE:
-        return True
+def _is_usual(points: Array, fitted: Refined, s: float, inside: IntArray) -> bool:
+    """Whether a stretch of the line around s has points of the object only: of them, the indices are given as well."""
     on = np.abs(fitted.residuals[inside]) < max(4.0 * fitted.noise, 0.1 * fitted.radius)
     if float(np.mean(on)) < _ON:
         return False
@@ -115,7 +123,7 @@ def _is_usual(points: Array, fitted: Refined, s: float, inside: Array) -> bool:
 
 
 def _circle(flat: Array, radius: float) -> tuple[float, float]:
-    """Radius of the circle through points of the plane (K, 2), started around the origin, and its standard deviation."""
+    """Radius of the circle through points (K, 2), started around the origin, and its standard deviation."""
     centre = np.zeros(2)
     guess, std = radius, np.inf
     for _ in range(8):
@@ -137,6 +145,8 @@ def _circle(flat: Array, radius: float) -> tuple[float, float]:
 def _followed(points: Array, fitted: Refined, place: Array, direction: Array, cut: float) -> Plug | None:
     """The plug that a straight axis from a place goes through, if there is one."""
     radius, line = fitted.radius, fitted.skeleton
+    close = points[np.linalg.norm(points - place, axis=1) < min(_MOST * line.length, _LONGEST * radius)]
+    place, direction = _aligned(close, place, direction, radius)
     offset = points - place
     along = offset @ direction
     ahead = np.flatnonzero((along > 0.0) & (along < _MOST * line.length))
@@ -145,29 +155,71 @@ def _followed(points: Array, fitted: Refined, place: Array, direction: Array, cu
     elsewhere = (np.abs(fitted.s[ahead] - cut) * line.length > along[ahead] + 8.0 * radius) & fitted.inliers[ahead]
     near = (away < _THICKEST * radius) & ~elsewhere
     along, away = along[ahead][near], away[near]
-    usual = np.count_nonzero(fitted.inliers) / line.length * _STEP * radius
-    bins = np.bincount((along / (_STEP * radius)).astype(np.intp), minlength=1)
+    density = np.count_nonzero(fitted.inliers) / line.length
+    step = max(_STEP * radius, _PER_STEP / max(density, 1e-9))
+    usual = density * step
+    bins = np.bincount((along / step).astype(np.intp), minlength=1)
     empty = np.flatnonzero(bins < max(3.0, 0.2 * usual))
     count = int(empty[0]) if len(empty) else len(bins)
-    kept = along < count * _STEP * radius
+    kept = along < count * step
     along, away = along[kept], away[kept]
     order = np.argsort(along, kind="stable")
     along, away = along[order], away[order]
-    edges = np.searchsorted(along, _STEP * radius * np.arange(count + 1))
-    medians = np.array([float(np.median(away[a:b])) for a, b in zip(edges[:-1], edges[1:], strict=True)])
+    edges = np.searchsorted(along, step * np.arange(count + 1))
+    medians = np.array([float(np.median(away[a:b])) for a, b in pairwise(edges)])
     thick = np.flatnonzero(medians > _THICKER * radius)
     if not len(thick):
         return None
     first = int(thick[0])
     body = away[edges[first] :]
     body = body[body > 1.1 * radius]
-    length = float(along[-1]) - first * _STEP * radius
+    length = float(along[-1]) - first * step
     if len(body) < _FEWEST or length < _SHORTEST * radius or len(thick) < 0.7 * (count - first):
         return None
     found = float(np.median(body))
     if float(np.mean(np.abs(away[edges[first] :] - found) < _CLOSE * found)) < _ROUND:
         return None
-    return Plug(place, direction, first * _STEP * radius, float(along[-1]), found, cut)
+    return Plug(place, direction, first * step, float(along[-1]), found, cut)
+
+
+def _aligned(points: Array, place: Array, direction: Array, radius: float) -> tuple[Array, Array]:
+    """The axis of what lies ahead of a place: through it as far as the points of the object tell, and turned a little.
+
+    Farther and farther ahead, the distances of the points to the axis are made alike by least squares. A direction
+    taken from the object alone would miss the end of a long plug.
+
+    Args:
+        points: (M, 3) metres.
+        place, direction: where to start, and a unit vector.
+        radius: of the object, metres.
+
+    Returns:
+        Both, corrected.
+    """
+    for reach in (3.0, 4.5, 7.0, 10.0, 15.0, _LONGEST):
+        for _ in range(3):
+            frame = minimal_rotation_frames(direction[None])[0]
+            along, y, z = ((points - place) @ frame).T
+            away = np.hypot(y, z)
+            ahead = (along > 0.0) & (along < reach * radius) & (away < _THICKEST * radius)
+            thick = ahead & (away > 1.1 * radius)
+            if np.count_nonzero(thick) < _FEWEST:
+                break
+            scale = reach * radius
+            ratio, normal = along[thick] / scale, np.stack([y, z], axis=1)[thick] / away[thick, None]
+            ones = np.ones((len(ratio), 1))
+            # The place is known from the object: it is held as well as a tenth of the radius.
+            rows = np.concatenate([normal, normal * ratio[:, None], ones], axis=1)
+            residual = away[thick]
+            middle = float(np.median(residual))
+            spread = max(1.4826 * float(np.median(np.abs(residual - middle))), 0.02 * radius)
+            weight = np.maximum(1.0 - ((residual - middle) / (4.0 * spread)) ** 2, 0.0) ** 2
+            hold = np.diag([*([0.1 * len(ratio)] * 2), *([0.01 * len(ratio)] * 2), 1e-9])
+            matrix = (rows * weight[:, None]).T @ rows + hold
+            step = np.linalg.solve(matrix, (rows * weight[:, None]).T @ (residual - middle))
+            place = place + frame[:, 1:] @ step[:2]
+            direction = unit(direction + frame[:, 1:] @ step[2:4] / scale)
+    return place, direction
 
 
 def contracted(points: Array, plug: Plug, radius: float) -> Array:
@@ -180,7 +232,7 @@ def contracted(points: Array, plug: Plug, radius: float) -> Array:
     # The step in front of it: what is as thin as the object stays.
     middle = 0.5 * (radius + plug.radius)
     inside &= (away > middle) | (along > plug.start + radius)
-    result = points.copy()
+    result: Array = points.copy()
     result[inside] -= across[inside] * (1.0 - radius / plug.radius)
     return result
 
@@ -226,7 +278,7 @@ def with_plugs(
 
 
 def _axis(plug: Plug, radius: float) -> Array:
-    """Places of the axis of a plug about a radius apart, from where the object is certain to half a radius from the end."""
+    """Places of the axis of a plug about a radius apart, up to half a radius from its end: (K, 3)."""
     away = np.linspace(0.0, max(plug.end - 0.5 * radius, radius), max(3, round(plug.end / radius)))[1:]
     places: Array = plug.place + away[:, None] * plug.direction
     return places
@@ -246,8 +298,9 @@ def _note(plug: Plug, fitted: Refined) -> Finding:
     ends = fitted.skeleton(np.array([0.0, 1.0]))
     at_last = bool(np.linalg.norm(middle - ends[1]) < np.linalg.norm(middle - ends[0]))
     share = 0.5 * (plug.end - plug.start) / fitted.skeleton.length
+    name, length = "last" if at_last else "first", millimetres(plug.end - plug.start)
     text = (
-        f"the {'last' if at_last else 'first'} end is thicker for {millimetres(plug.end - plug.start)}, with a radius of "
-        f"{millimetres(plug.radius)}: left out of the radius, kept in the length"
+        f"the {name} end is thicker for {length}, with a radius of {millimetres(plug.radius)}: left "
+        "out of the radius, kept in the length"
     )
     return RADIUS_VARIES.at(fitted.skeleton, 1.0 - share if at_last else share, text, "note")

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
+from dlogen.errors import FitError
 from dlogen.geometry.eigen3 import eigenvalues
 from dlogen.geometry.polyline import arc_lengths
 from dlogen.geometry.sampling import spatial_sample
@@ -88,7 +89,10 @@ def without_veil(cloud: Cloud, known: float | None, ordering: Ordering) -> tuple
     if not _WORTH < share < 0.5:
         return cloud, ordering
     rest = cloud.points[~out]
-    again = order(rest, known, estimate_scale(rest, radius=known), cloud.viewpoint)
+    try:
+        again = order(rest, known, estimate_scale(rest, radius=known), cloud.viewpoint)
+    except FitError:
+        return cloud, ordering
     still = sum(item.is_bad for item in again.findings)
     ratio = float(arc_lengths(again.backbone)[-1] / arc_lengths(ordering.backbone)[-1])
     if still > bad or (still == bad and abs(ratio - 1.0) > _SAME):

@@ -37,8 +37,9 @@ _THICKER, _THICKEST, _STEP, _PER_STEP, _ROUND, _CLOSE = 1.2, 3.6, 0.5, 12.0, 0.5
 #: Least length of a plug in radii, and points that it needs.
 _SHORTEST, _FEWEST = 0.7, 30
 
-#: A plug is looked for so many radii ahead.
-_LONGEST = 30.0
+#: A plug is looked for so many radii ahead; the quantile of the distances to its axis that is about its radius, where
+#: some are those of its faces.
+_LONGEST, _OUTER = 30.0, 0.7
 
 #: With so large a share of the points on the tube, no strays are worth a word.
 _NO_STRAYS = 0.98
@@ -171,13 +172,15 @@ def _followed(points: Array, fitted: Refined, place: Array, direction: Array, cu
     if not len(thick):
         return None
     first = int(thick[0])
-    body = away[edges[first] :]
+    # Without the faces, which are in the first and the last of these stretches.
+    inner = slice(int(edges[min(first + 1, count - 1)]), int(edges[max(count - 1, min(first + 2, count))]))
+    body = away[inner] if count - first > 3 else away[edges[first] :]
     body = body[body > 1.1 * radius]
     length = float(along[-1]) - first * step
     if len(body) < _FEWEST or length < _SHORTEST * radius or len(thick) < 0.7 * (count - first):
         return None
     found = float(np.median(body))
-    if float(np.mean(np.abs(away[edges[first] :] - found) < _CLOSE * found)) < _ROUND:
+    if float(np.mean(np.abs(body - found) < _CLOSE * found)) < _ROUND:
         return None
     return Plug(place, direction, first * step, float(along[-1]), found, cut)
 
@@ -208,13 +211,14 @@ def _aligned(points: Array, place: Array, direction: Array, radius: float) -> tu
             scale = reach * radius
             ratio, normal = along[thick] / scale, np.stack([y, z], axis=1)[thick] / away[thick, None]
             ones = np.ones((len(ratio), 1))
-            # The place is known from the object: it is held as well as a tenth of the radius.
+            # The place is known from the object, the direction less so.
             rows = np.concatenate([normal, normal * ratio[:, None], ones], axis=1)
             residual = away[thick]
-            middle = float(np.median(residual))
-            spread = max(1.4826 * float(np.median(np.abs(residual - middle))), 0.02 * radius)
+            # Its faces lie within it: most of what is far out is its surface.
+            middle = float(np.quantile(residual, _OUTER))
+            spread = float(np.clip(1.4826 * np.median(np.abs(residual - middle)), 0.02 * radius, 0.08 * middle))
             weight = np.maximum(1.0 - ((residual - middle) / (4.0 * spread)) ** 2, 0.0) ** 2
-            hold = np.diag([*([0.1 * len(ratio)] * 2), *([0.01 * len(ratio)] * 2), 1e-9])
+            hold = np.diag([*([2.0 * len(ratio)] * 2), *([0.01 * len(ratio)] * 2), 1e-9])
             matrix = (rows * weight[:, None]).T @ rows + hold
             step = np.linalg.solve(matrix, (rows * weight[:, None]).T @ (residual - middle))
             place = place + frame[:, 1:] @ step[:2]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from dlogen.stages.quality.cross_section import check_cross_section
 from dlogen.stages.quality.cut_ends import cut_ends
 from dlogen.stages.quality.findings import CLOSED_RING, SIDE_BY_SIDE
 from dlogen.stages.refined.caps import on_faces
+from dlogen.stages.refined.collars import about_collars, find_collars
 from dlogen.stages.refined.fit_findings import fit_findings
 from dlogen.stages.refined.ordering import Ordering, order, order_strip
 from dlogen.stages.refined.plugs import with_plugs
@@ -150,6 +152,10 @@ def _of_surface(points: Array, surface: _Surface, config: Config) -> FittedLine:
     # The two ends of a ring overlap.
     ring = any(CLOSED_RING.matches(item) and item.is_bad for item in ordering.findings)
     even = skeleton(even_parameters(skeleton, round(skeleton.length / radius) + 1))
+    collars = find_collars(fitted)
+    ordering = replace(ordering, findings=tuple(about_collars(ordering.findings, collars, fitted)))
+    # What is said of them already.
+    usual = ~np.any([np.zeros(len(s), dtype=bool), *(collar.points for collar in collars)], axis=0)
     faces = on_faces(s, residual, on_tube, fitted.closed, radius / skeleton.length)
     return FittedLine(
         skeleton,
@@ -168,7 +174,7 @@ def _of_surface(points: Array, surface: _Surface, config: Config) -> FittedLine:
             *([] if ring else check_contacts(even, ordering.backbone, radius)),
             *cut_ends(moved, s, on_tube, skeleton, radius, fitted.closed),
             *check_followed(moved, ordering.backbone, residual + radius, radius),
-            *check_radius_along(skeleton, radius, s, residual + radius),
+            *check_radius_along(skeleton, radius, s[usual], residual[usual] + radius),
             *([] if oval else check_cross_section(moved, s, residual, skeleton, radius)),
             *check_bends(skeleton, radius, s[on_tube]),
             *([] if known is None else check_radius(known, estimate_scale(points))),

@@ -5,7 +5,7 @@ Mapping Applications", Sensors 12(2): depth comes from a disparity in whole step
 m / (f b) = 2.85e-3 1/m, so that depths are 2.85e-3 Z^2 apart (1.8 mm at 0.8 m); the disparity has a standard deviation
 of half a step, so that depth has 1.425e-3 Z^2 (0.9 mm at 0.8 m). Depth is given from 0.5 m to 5 m. The focal length is
 585 pixels of a 640 x 480 image. Not modelled: the shadow of the projector beside the object, lens distortion,
-correlation between neighbouring pixels.
+correlation between neighbouring pixels; `dlogen.evaluation.sensors` has the first and the last, and other sensors.
 """
 
 from __future__ import annotations

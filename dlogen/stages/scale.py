@@ -51,6 +51,7 @@ class Scale:
         per_radius: median number of points on a piece of the object that is one radius long.
         resolved: whether the points are dense enough to see a width at all; if not, they are beads on a string.
         round: whether the cross-sections are circles, within the noise: not those of strands side by side.
+        thickness: median standard deviation of small patches across themselves, metres: small on a surface.
         half_width: of the neighbourhoods that are longer than wide, as of a strip that is covered evenly, metres.
     """
 
@@ -63,6 +64,7 @@ class Scale:
     per_radius: float
     resolved: bool
     round: bool
+    thickness: float = float("nan")
     half_width: float = float("nan")
 
 
@@ -93,6 +95,7 @@ def _from_neighbourhoods(points: Array, radius: float | None) -> Scale:
     distance, index = tree.query(sample[:: -(-len(sample) // _PATCHES)], min(_PATCH, len(sample)))
     patch = sample[index] - sample[index].mean(axis=1, keepdims=True)
     thickness = np.sqrt(np.maximum(eigenvalues(_products(patch) / _PATCH)[0], 0.0))
+    thick = float(np.median(thickness))
     # On a surface the spacing goes with the root of the number of points.
     spacing = float(np.median(distance[:, 1])) * float(np.sqrt(len(sample) / max(len(points), len(sample))))
 
@@ -126,7 +129,17 @@ def _from_neighbourhoods(points: Array, radius: float | None) -> Scale:
         if radius is not None:
             per_radius = _expected_per_radius(radius, spacing)
         return Scale(
-            spacing, guess, radius is not None, float("nan"), 1.0, line_share, per_radius, resolved, True, half_width
+            spacing,
+            guess,
+            radius is not None,
+            float("nan"),
+            1.0,
+            line_share,
+            per_radius,
+            resolved,
+            True,
+            thick,
+            half_width,
         )
     noise = float(np.median(fit.noise[good]))
     estimate = float(np.median(fit.radius[good]))
@@ -137,7 +150,7 @@ def _from_neighbourhoods(points: Array, radius: float | None) -> Scale:
     # Neighbourhoods that were longer than wide from the first say nothing about a width.
     clear = noise < 0.12 * estimate or (noise < 0.45 * estimate and line_share > 0.5)
     # Noise thickens small patches of the surface, too; a bundle of strands does not.
-    circular = noise < 0.15 * estimate or noise < 4.0 * float(np.median(thickness))
+    circular = noise < 0.15 * estimate or noise < 4.0 * thick
     reliable = (
         clear and circular and resolved and spread < 0.3 * estimate and coverage > 0.2 and float(good.mean()) > 0.4
     )
@@ -151,6 +164,7 @@ def _from_neighbourhoods(points: Array, radius: float | None) -> Scale:
         per_radius,
         resolved,
         circular,
+        thick,
         half_width,
     )
 

@@ -128,6 +128,7 @@ class FittedLine(ShortRepr):
         intermediates: what the profile's stages made of the points, in their order.
         findings: what they found.
         chosen: what they chose by themselves, by the dotted key of the configuration.
+        regime: what of the object shows: "surface", "strand" (its width, but no depth) or "thread" (not even that).
     """
 
     skeleton: Skeleton
@@ -137,3 +138,4 @@ class FittedLine(ShortRepr):
     intermediates: tuple[Intermediate, ...]
     findings: tuple[Finding, ...]
     chosen: dict[str, Any] = field(default_factory=dict)
+    regime: str = "surface"

@@ -15,7 +15,7 @@ from dlogen.evaluation.shapes import (
     centre_line,
     random_centre_line,
 )
-from dlogen.evaluation.synthetic import sample_tube, truth, truth_bytes
+from dlogen.evaluation.synthetic import sample_tube, synth, truth, truth_bytes
 
 RADIUS = 0.02
 
@@ -160,3 +160,23 @@ def test_truth_file() -> None:
     assert content["length"] == pytest.approx(line.length, abs=1e-9)
     np.testing.assert_allclose(content["points"], line(np.linspace(0, 1, 1000)), atol=1e-9)
     assert b"-0.0]" not in data and b"-0.0," not in data
+
+
+# Sensors -----------------------------------------------------------------------------------------------------------
+
+
+def test_what_a_camera_sees_comes_with_its_truth() -> None:
+    rope = {"length": 1.0, "bend_radius": 0.08, "diameter": 0.01}
+    cloud = synth("hose", **rope, camera="azure-kinect", mask_grow=2, tilt=25.0, world=True, seed=3)
+    assert cloud.viewpoint is not None and cloud.viewpoint[2] == pytest.approx(0.8 * np.cos(np.radians(25.0)))
+    assert 0.1 < cloud.is_stray.mean() < 0.8
+    np.testing.assert_array_equal(np.isnan(cloud.s), cloud.is_stray)
+    np.testing.assert_array_equal(np.isnan(cloud.normals).any(axis=1), cloud.is_stray)
+    # Normals go from the axis to the points; what is seen faces the camera.
+    own = ~cloud.is_stray
+    offset = cloud.points[own] - cloud.truth(cloud.s[own])
+    np.testing.assert_allclose(np.cross(offset, cloud.normals[own]), 0.0, atol=1e-9)
+    towards = cloud.viewpoint[:3] - cloud.points[own]
+    assert (np.einsum("ij,ij->i", towards, cloud.normals[own]) > 0.0).mean() > 0.9
+    again = synth("hose", **rope, camera="azure-kinect", mask_grow=2, tilt=25.0, world=True, seed=3)
+    np.testing.assert_array_equal(cloud.points, again.points)

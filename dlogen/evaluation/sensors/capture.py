@@ -92,7 +92,7 @@ class Look:
         """Depth image in the pixels that the cloud has, of what the sensor's own rays meet."""
         depth = measured(view, self.sensor, rng, frames)
         size = 2.0 * self.sensor.focal[0] * self.radius / self.distance
-        depth[hole_pattern(view, holes, 2.0 * size, rng)] = np.nan
+        depth[hole_pattern(view, holes, 2.0 * size, rng, self.sensor.window)] = np.nan
         grid = self.sensor.colour_grid()
         return depth if grid is self.sensor else _aligned(depth, self.sensor, grid)
 
@@ -104,7 +104,8 @@ class Look:
     def viewpoint(self, world: bool) -> Array:
         """(7,) pose of the sensor in the frame of the points."""
         if world:
-            return np.concatenate([self.position, quaternion(self.rotation)])
+            # Adding zero turns -0.0 into 0.0.
+            return np.concatenate([self.position, quaternion(self.rotation)]) + 0.0
         return np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 

@@ -88,7 +88,7 @@ def measured(view: ExactView, sensor: Sensor, rng: np.random.Generator, frames: 
         white = rng.standard_normal(shape)
         if fixed is not None:
             white = np.sqrt(1.0 - sensor.fixed) * white + np.sqrt(sensor.fixed) * fixed
-        depth = np.array(view.table)
+        depth = np.where(np.isfinite(view.table), view.table, np.nan)
         noise, _ = smooth_noise(white, sensor.correlation)
         depth += sensor.noise(depth) * noise
         if on_object.any():
@@ -145,7 +145,7 @@ def _shadow(view: ExactView, sensor: Sensor) -> BoolArray:
     return hidden & ~shown
 
 
-def hole_pattern(view: ExactView, share: float, size: float, rng: np.random.Generator) -> BoolArray:
+def hole_pattern(view: ExactView, share: float, size: float, rng: np.random.Generator, window: int = 1) -> BoolArray:
     """Patches of the object that are lost, as on dark spots; steep parts first.
 
     Args:
@@ -153,6 +153,7 @@ def hole_pattern(view: ExactView, share: float, size: float, rng: np.random.Gene
         share: of the object's pixels that are lost, 0 to 1.
         size: of a patch, pixels.
         rng: decides where.
+        window: beside a patch, what lies within half of this many pixels is lost, too: its depth came from the object.
 
     Returns:
         (height, width).
@@ -163,6 +164,7 @@ def hole_pattern(view: ExactView, share: float, size: float, rng: np.random.Gene
         field, _ = smooth_noise(rng.standard_normal(shown.shape), size)
         weakness = (field - view.cosine)[shown]
         lost[shown] = weakness >= np.quantile(weakness, 1.0 - share)
+        lost |= (ndimage.maximum_filter(lost, window) > 0) & ~shown
     return lost
 
 

@@ -23,29 +23,38 @@ def exact_depth(line: CentreLine, radius: float, rays: Array, focal: tuple[float
     """As `tube_depth`, with the depth of the tube itself instead of that of spheres, and faster for wide tubes."""
     depth, cosine = tube_depth(line, radius, rays, focal, _COARSE_SPACING)
     hit = np.flatnonzero(np.isfinite(depth))
-    ray, t = rays.reshape(-1, 3)[hit], depth.ravel()[hit]
+    ray, start = rays.reshape(-1, 3)[hit], depth.ravel()[hit]
     towards = np.linalg.norm(ray, axis=1)
     count = max(8, int(np.ceil(line.length / (_COARSE_SPACING * radius)))) + 1
     knots = np.linspace(0.0, 1.0, count)
     centres, tangents = line(knots), line.tangents(knots)
     step = line.length / (count - 1)
-    _, nearest = cKDTree(centres).query(ray * t[:, None])
-    s = nearest * step
-    for _ in range(4):
+    s = step * cKDTree(centres).query(ray * start[:, None])[1]
+    t = start
+
+    def foot(s: Array) -> tuple[Array, Array]:
+        cell = np.clip((s / step).astype(np.intp), 0, count - 2)
+        return _hermite(centres, tangents, cell, s / step - cell, step)
+
+    inside = np.ones(len(t), dtype=bool)
+    for _ in range(5):
+        # The foot point on the axis, then Newton along the ray on the distance from it.
         point = ray * t[:, None]
-        cell = np.clip((s / step).astype(np.intp), 0, count - 2)
-        centre, tangent = _hermite(centres, tangents, cell, s / step - cell, step)
-        s = np.clip(s + dots(point - centre, tangent), 0.0, line.length)
-        cell = np.clip((s / step).astype(np.intp), 0, count - 2)
-        centre, tangent = _hermite(centres, tangents, cell, s / step - cell, step)
-        offset = point - centre
+        for _ in range(2):
+            centre, tangent = foot(s)
+            s = s + dots(point - centre, tangent)
+            # Beyond the ends there is no tube.
+            inside &= (s > 0.0) & (s < line.length)
+            s = np.clip(s, 0.0, line.length)
+        offset = point - foot(s)[0]
         distance = np.linalg.norm(offset, axis=1)
         slope = dots(offset, ray) / distance
-        # On the flat ends, and where the ray only grazes the tube, the start is kept.
-        mends = (np.abs(dots(offset, tangent)) < 0.05 * radius) & (slope < -0.1 * towards)
-        t = np.where(mends, t - np.clip((distance - radius) / np.minimum(slope, -1e-9), -0.1 * radius, 0.1 * radius), t)
-    mended = np.where(mends, -slope / towards, cosine.ravel()[hit])
-    depth.ravel()[hit], cosine.ravel()[hit] = t, mended
+        # On the flat ends and where the ray only grazes the tube the start stays.
+        mended = inside & (slope < -0.1 * towards) & (np.abs(t - start) < 0.1 * radius)
+        change = (distance - radius) / np.where(mended, slope, -1.0)
+        t = np.where(mended, t - np.clip(change, -0.1 * radius, 0.1 * radius), start)
+    depth.ravel()[hit] = t
+    cosine.ravel()[hit] = np.where(mended, -slope / towards, cosine.ravel()[hit])
     return depth, cosine
 
 

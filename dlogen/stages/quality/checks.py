@@ -50,7 +50,13 @@ _LOOKED_AT = 4000
 
 
 def check_line(
-    line: Skeleton, radius: float, distance: Array, on_tube: BoolArray, max_curvature: tuple[float, float]
+    line: Skeleton,
+    radius: float,
+    distance: Array,
+    on_tube: BoolArray,
+    max_curvature: tuple[float, float],
+    *,
+    surface: bool = True,
 ) -> list[Finding]:
     """Findings about a skeleton line and the cloud around it, whatever profile made it.
 
@@ -60,6 +66,7 @@ def check_line(
         distance: (M,) distance of every point to the line, metres.
         on_tube: (M,) whether it counts as a point of the tube's surface.
         max_curvature: kappa (1/m) and the s where it is.
+        surface: whether the points show the surface, so that their distances tell something.
     """
     findings = []
     kappa, s_kappa = max_curvature
@@ -68,6 +75,20 @@ def check_line(
             f"the line bends with a radius of {1e3 / kappa:.3g} mm, tighter than the object's own {millimetres(radius)}"
         )
         findings.append(BEND_TIGHTER_THAN_RADIUS.at(line, s_kappa, text))
+    if surface:
+        findings += _check_distances(radius, distance, on_tube)
+    if line.length > _LONGEST:
+        findings.append(
+            UNITS.found(f"the object is {line.length:.0f} m long: set units (mm, cm) if it is not", "doubtful")
+        )
+    if line.length < _SHORTEST:
+        findings.append(UNITS.found(f"the object is only {1e3 * line.length:.2g} mm long: check units", "doubtful"))
+    return findings
+
+
+def _check_distances(radius: float, distance: Array, on_tube: BoolArray) -> list[Finding]:
+    """Whether the points are where the surface of a tube of this radius is."""
+    findings = []
     # Strays are far from the line; points near it but not on the surface say that there is no tube of this radius.
     near = distance < 2.5 * radius
     off = float(np.mean(~on_tube[near])) if near.any() else 1.0
@@ -86,10 +107,6 @@ def check_line(
                 f"the points are {millimetres(median)} from the line (median), but the radius is {millimetres(radius)}"
             )
         )
-    if line.length > _LONGEST:
-        findings.append(UNITS.found(f"the object is {line.length:.0f} m long: set units (mm, cm) if it is not"))
-    if line.length < _SHORTEST:
-        findings.append(UNITS.found(f"the object is only {1e3 * line.length:.2g} mm long: check units"))
     return findings
 
 

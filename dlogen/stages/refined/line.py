@@ -28,6 +28,7 @@ from dlogen.stages.quality.findings import CLOSED_RING, SIDE_BY_SIDE
 from dlogen.stages.refined.caps import on_faces
 from dlogen.stages.refined.collars import about_collars, find_collars
 from dlogen.stages.refined.fit_findings import fit_findings
+from dlogen.stages.refined.node_line import clear_nodes, possible_nodes
 from dlogen.stages.refined.ordering import Ordering, order, order_strip
 from dlogen.stages.refined.plugs import with_plugs
 from dlogen.stages.refined.refine import Refined, refine
@@ -65,6 +66,22 @@ def refined_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:
         FitError: no line can be made from it.
     """
     points, known = cloud.points, given(config.r)
+    nodes = clear_nodes(points, known)
+    if nodes is not None:
+        return replace(nodes, findings=(*check_settings_used(config, _PAPER_ONLY), *nodes.findings))
+    try:
+        return _tube_line(cloud, known, config, clock)
+    except FitError:
+        # What has no width is no tube, but may be the nodes of a tracker.
+        nodes = possible_nodes(points, known)
+        if nodes is None:
+            raise
+        return replace(nodes, findings=(*check_settings_used(config, _PAPER_ONLY), *nodes.findings))
+
+
+def _tube_line(cloud: Cloud, known: float | None, config: Config, clock: Clock) -> FittedLine:
+    """The line of points that lie on a surface."""
+    points = cloud.points
     with clock.stage("scale"):
         check_given_radius(points, known)
         scale = estimate_scale(points, radius=known)
@@ -133,6 +150,7 @@ def _of_strand(points: Array, ordering: Ordering, fit: StrandFit, side: bool, co
         ),
         (*check_settings_used(config, _PAPER_ONLY), *strand_findings(fit, ordering, given(config.r), side)),
         {"r": fit.radius, "N": fit.skeleton.basis.size},
+        fit.regime,
     )
 
 

@@ -6,6 +6,7 @@ says so. What comes out is the same for every order of the input points.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -57,6 +58,8 @@ _LEFT_OVER, _LEFT_OVER_SHARE, _DENSE_LEFT_OVER = 4.0, 0.02, 3.0
 _DENSE = 0.5
 #: Shares of the length: up to the one a gap is bridged without doubt, beyond the other it makes two objects.
 _SMALL_GAP, _LARGE_GAP = 0.05, 0.3
+#: A cloud so many given radii wide, whose surface is that thick, is noise around a thin object.
+_HIDDEN, _THICK = 1.8, 0.5
 #: Radius, in half widths, that strips are followed with: in space and in the view.
 _STRIP, _FLAT_STRIP = 2.0, 1.5
 #: The most points that are taken for beads on a string.
@@ -93,6 +96,7 @@ class Ordering:
         joins: what was bridged between them.
         findings: what a user should know.
         noisy: the points scatter so much that their normals say nothing.
+        half_width: of the strip that they are then, metres.
     """
 
     backbone: Array
@@ -101,6 +105,7 @@ class Ordering:
     joins: tuple[Bridge, ...]
     findings: tuple[Finding, ...]
     noisy: bool = False
+    half_width: float = float("nan")
 
 
 def order(
@@ -126,6 +131,9 @@ def order(
     if not scale.resolved and len(points) <= _BEADS:
         return _beads(points, radius)
     r = radius or scale.radius
+    # A wire thinner than the noise; a bundle of strands is as thick, but its surfaces are thin.
+    if radius is not None and scale.half_width > _HIDDEN * radius and scale.thickness > _THICK * radius:
+        return order_strip(points, estimate_scale(points), None, viewpoint)
     # Where strands lie close together, no neighbourhood is longer than wide; with a known radius that does not matter.
     if radius is None and (scale.line_share < 0.2 or not np.isfinite(scale.per_radius)):
         raise FitError(
@@ -153,8 +161,10 @@ def order(
     tree = cKDTree(sample)
     spacing = scale.spacing / np.sqrt(thinned)
     votes, projected = axis_votes(sample, tree, r, spacing)
-    if projected.any() and not votes_agree(sample, votes, projected, r):
-        return order_strip(points, scale, radius, viewpoint)
+    if projected.any() and not votes_agree(sample, votes, projected, r) and not _wrong_radius(points, radius):
+        # A table or a ball is no strip either: what it is is said of the line through its votes.
+        with contextlib.suppress(FitError):
+            return order_strip(points, scale, radius, viewpoint)
     return _traced(
         sample,
         votes,
@@ -164,8 +174,20 @@ def order(
         scale,
         radius is None,
         radius is not None or scale.radius_reliable,
+        False,
         lambda place: place + origin,
     )
+
+
+def _wrong_radius(points: Array, radius: float | None) -> bool:
+    """Whether normals say nothing with a given radius only because it is wrong."""
+    if radius is None:
+        return False
+    scale = estimate_scale(points)
+    sample = points[spatial_sample(points, _SAMPLE)]
+    spacing = scale.spacing * np.sqrt(len(points) / len(sample))
+    votes, projected = axis_votes(sample, cKDTree(sample), scale.radius, spacing)
+    return bool(projected.any()) and votes_agree(sample, votes, projected, scale.radius)
 
 
 def order_strip(points: Array, scale: Scale, radius: float | None, viewpoint: Array | None) -> Ordering:
@@ -177,16 +199,17 @@ def order_strip(points: Array, scale: Scale, radius: float | None, viewpoint: Ar
     view = None if viewpoint is None else FlatView.of(points, viewpoint, None)
     half_width = scale.half_width if np.isfinite(scale.half_width) else (radius or scale.radius)
     if view is None:
-        rough = _order_noise(points, scale, _STRIP * half_width, radius is None, None)
+        rough = _order_noise(points, scale, half_width, radius is None, None)
         direction, ratio = thin_direction(points - points.mean(axis=0), rough.backbone - points.mean(axis=0))
         if ratio < ONE_SIDED:
             return rough
         view = FlatView.of(points, None, direction)
-    return _order_noise(points, scale, _FLAT_STRIP * half_width, radius is None, view)
+    return _order_noise(points, scale, half_width, radius is None, view)
 
 
-def _order_noise(points: Array, scale: Scale, r: float, estimated: bool, view: FlatView | None) -> Ordering:
-    """The order of points without normals, followed with a radius."""
+def _order_noise(points: Array, scale: Scale, half_width: float, estimated: bool, view: FlatView | None) -> Ordering:
+    """The order of points without normals, of a strip so wide."""
+    r = (_STRIP if view is None else _FLAT_STRIP) * half_width
     per_radius = scale.per_radius * r / scale.radius
     sample = points[spatial_sample(points, int(np.clip(_PER_RADIUS / per_radius * len(points), 1000, _SAMPLE)))]
     per_radius *= len(sample) / len(points)
@@ -199,7 +222,11 @@ def _order_noise(points: Array, scale: Scale, r: float, estimated: bool, view: F
         return flat + origin if view is None else view.back(flat + origin)
 
     nothing = np.zeros(len(sample), dtype=bool)
-    return replace(_traced(sample, sample, nothing, r, per_radius, scale, estimated, False, place), noisy=True)
+    return replace(
+        _traced(sample, sample, nothing, r, per_radius, scale, estimated, False, view is not None, place),
+        noisy=True,
+        half_width=half_width,
+    )
 
 
 def _traced(
@@ -211,6 +238,7 @@ def _traced(
     scale: Scale,
     estimated: bool,
     centred: bool,
+    in_view: bool,
     place: Callable[[Array], Array],
 ) -> Ordering:
     """The order of a sample; `place` brings places in it to those of the cloud."""
@@ -225,7 +253,7 @@ def _traced(
         )
     if centred:
         found = [replace(piece, points=recentre(piece.points, sample, tree, r, per_radius)) for piece in found]
-    pieces = cut_at_junctions(found, r)
+    pieces = cut_at_junctions(found, r, crossings=in_view)
     joins = join_pieces(pieces, r)
     lines = [_Line.of(pieces, *chain, r) for chain in chains(len(pieces), joins)]
     longest = max(lines, key=lambda candidate: candidate.length)

@@ -27,7 +27,10 @@ _EDGE, _EDGE_AT = 0.95, 0.97
 _STRETCH, _FEWEST = 4.0, 12
 
 #: A mask is off by a pixel at either edge; the rest of a width is uncertain by this share.
-_PIXELS, _SHARE = 0.7, 0.04
+_PIXELS, _SHARE = 0.6, 0.04
+
+#: A strip whose half width is less than so many pixels is a thread.
+_PIXELS_WIDE = 2.5
 
 #: A radius that is known worse than this, relative, counts as unknown.
 KNOWN = 0.15
@@ -54,6 +57,7 @@ class StrandFit:
         position_std: (P,) of the axis at P even places from end to end, metres.
         gaps: (s0, s1) of stretches without points.
         max_curvature, max_curvature_s, curvature_std: of the sharpest bend, 1/m.
+        regime: "strand", or "thread" where not even the width shows.
     """
 
     skeleton: Skeleton
@@ -71,6 +75,7 @@ class StrandFit:
     max_curvature: float
     max_curvature_s: float
     curvature_std: float
+    regime: str
 
     @property
     def radius_known(self) -> bool:
@@ -79,7 +84,7 @@ class StrandFit:
 
 
 def object_of(
-    strand: Strand, points: Array, rays: Array, radius: float | None, origin: Array, *, side: bool
+    strand: Strand, points: Array, rays: Array, radius: float | None, origin: Array, *, side: bool, around: bool = False
 ) -> StrandFit:
     """The object that a strip is seen of.
 
@@ -89,17 +94,18 @@ def object_of(
         radius: the given one, metres.
         origin: (3,) of the points, metres.
         side: whether it is known from which side the strip is seen; if not, the line stays in its surface.
+        around: the points are noise all around the object, so that the line is the axis.
     """
     arc = arc_table(strand.curve)[1]
     s = arc_at(arc, strand.x)
     inlier = (strand.deviation < 1.0) & strand.on_curve
     half_width, widths, spread = _half_width(s[inlier], strand.across[inlier], strand.half_width)
+    pixel = float(np.sqrt(2.0 * half_width * strand.curve.length / max(np.count_nonzero(inlier), 1)))
     if radius is None:
-        pixel = float(np.sqrt(2.0 * half_width * strand.curve.length / max(np.count_nonzero(inlier), 1)))
         used, radius_std = half_width, float(np.hypot(np.hypot(_PIXELS * pixel, _SHARE * half_width), spread))
     else:
         used, radius_std = radius, 0.0
-    behind = _BEHIND * used if side else 0.0
+    behind = _BEHIND * used if side and not around else 0.0
     along = strand.sigma[0]
     first, last = find_ends(s[inlier], 3.0 * strand.deviation[strand.on_curve], _END * half_width)
     axis, scale = _behind(strand.curve, points, rays, strand.x, behind)
@@ -111,6 +117,9 @@ def object_of(
     depth, across, _, _ = components(axis, k, t, offset, rays)
     seen = np.sqrt(np.maximum(used**2 - across**2, 0.0)) if side else np.full(len(x), 0.0)
     residual = -(depth + seen)
+    if around:
+        away = np.hypot(depth, across)
+        residual = away - np.median(away[inlier])
     place = arc_at(arc_table(axis)[1], x)
     kappa, s_kappa = sharpest_bend(fitted)
     stds = _position_std(strand, np.linspace(first.position, last.position, 101), arc)
@@ -125,11 +134,12 @@ def object_of(
         s=np.clip((place - start) / (end - start), 0.0, 1.0),
         noise=along,
         shared=strand.inflation[0],
-        position_std=np.hypot(stds, 0.15 * used + _BEHIND * radius_std if side else used),
+        position_std=stds if around else np.hypot(stds, 0.15 * used + _BEHIND * radius_std if side else used),
         gaps=find_gaps(s[inlier], first.position, last.position, half_width),
         max_curvature=kappa,
         max_curvature_s=s_kappa,
         curvature_std=0.0,
+        regime="thread" if around or half_width < _PIXELS_WIDE * pixel else "strand",
     )
 
 

@@ -5,14 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dlogen.geometry.arc_length import even_parameters
+from dlogen.geometry.vectors import normals_to, unit
 from dlogen.stages.quality.contacts import find_contacts
 from dlogen.stages.quality.findings import (
     CROSSING,
     GAP,
     NOISE,
     POSITION_UNCERTAIN,
+    RADIUS_MISMATCH,
     RADIUS_UNKNOWN,
     RADIUS_VARIES,
     SIDE_BY_SIDE,
@@ -27,11 +30,17 @@ from dlogen.stages.view import ONE_SIDED, rays, thin_direction
 from dlogen.types import Array, Finding
 from dlogen.types.texts import millimetres
 
+#: A cloud so many given radii wide shows nothing of the surface.
+_THREAD = 1.8
+
 #: Standard deviations by which the edges of a strip must be behind its middle to tell the side that it is seen from.
 _SURE = 4.0
 
 #: Relative deviation of the width of a stretch that is reported.
 _UNEVEN = 0.35
+
+#: Relative deviation of a given radius from half the width that is reported: masks are a pixel or two too wide.
+_CONTRADICTED = 0.5
 
 #: Strands beside each other for longer than this, in radii, may have been mixed up.
 _SIDE_BY_SIDE = 10.0
@@ -50,13 +59,21 @@ def strand_fit(
     """
     origin = ordering.backbone.mean(axis=0)
     near, backbone = points - origin, ordering.backbone - origin
+    columns = np.ascontiguousarray(near.T)
+    half_width = ordering.half_width if ordering.noisy else ordering.radius
     direction, ratio = thin_direction(near, backbone)
     if viewpoint is None and ratio < ONE_SIDED:
-        return None
-    columns = np.ascontiguousarray(near.T)
+        if radius is None or half_width < _THREAD * radius:
+            return None
+        # A wire in noise that is the same all around: no direction is the view, and any will do.
+        tangent = unit(np.gradient(backbone, axis=0))
+        view = np.ascontiguousarray(normals_to(tangent[cKDTree(backbone).query(near)[1]]).T)
+        return object_of(
+            fit_strand(columns, view, backbone, half_width), columns, view, radius, origin, side=True, around=True
+        ), True
     view = rays(columns, None if viewpoint is None else viewpoint - origin, direction)
     assert view is not None
-    strand = fit_strand(columns, view, backbone, ordering.radius)
+    strand = fit_strand(columns, view, backbone, half_width)
     side = viewpoint is not None
     if not side:
         sure = _behind_at_edges(strand)
@@ -91,6 +108,9 @@ def strand_findings(fit: StrandFit, ordering: Ordering, known: float | None, sid
     if known is None and not fit.radius_known:
         share = 100.0 * fit.radius_std / fit.radius
         findings.append(RADIUS_UNKNOWN.found(f"the width of the strip tells the radius to {share:.0f} % only: give r"))
+    if known is not None and fit.regime == "strand" and abs(fit.half_width / known - 1.0) > _CONTRADICTED:
+        message = f"r = {millimetres(known)} was given, but the strip is {millimetres(2.0 * fit.half_width)} wide"
+        findings.append(RADIUS_MISMATCH.found(message))
     worst = int(np.argmax(fit.position_std))
     if fit.position_std[worst] > fit.radius:
         text = f"the line is known to {millimetres(float(fit.position_std[worst]))} only here"

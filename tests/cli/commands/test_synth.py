@@ -229,7 +229,8 @@ def test_existing_outputs_are_refused_without_force(tmp_path: Path, existing: st
         (["loop", "--length", 0.01], "--length"),
         (["coil", "--length", 0.05], "--length"),
         (["bent", "--distance", 1], "--camera"),
-        (["bent", "--camera", "kinect-v2"], "kinect-v2"),
+        (["bent", "--camera", "kinect-v9"], "kinect-v9"),
+        (["bent", "--camera", "kinect-v2"], "does not see the whole object"),
         (["hose", "--camera", "kinect-v1", "--noise", 0.001, "-M", 100], "--noise"),
         (["hose", "--camera", "kinect-v1", "--distance", 0.6], "distance of 0.78 m"),
         (["bent", "--camera", "kinect-v1", "--diameter", 0.5, "--distance", 4], "too large"),
@@ -292,6 +293,45 @@ def test_camera_in_millimetres(tmp_path: Path) -> None:
     points, _, truth = made(tmp_path, "hose", "--camera", "kinect-v1", "--units", "mm", name="scene.pcd")
     assert np.nanmedian(points[:, 2]) == pytest.approx(800, abs=2)
     assert np.asarray(truth["points"])[:, 2] == pytest.approx(0.78)
+
+
+ROPE = ["hose", "--length", 1, "--bend-radius", 0.08, "--diameter", 0.006]
+
+
+def test_a_camera_with_a_mask_writes_the_object_alone(tmp_path: Path) -> None:
+    arguments = [*ROPE, "--camera", "realsense-d435", "--mask-grow", 1, "--seed", 2]
+    points, line, truth = made(tmp_path, *arguments, name="rope.pcd")
+    assert {path.name for path in tmp_path.iterdir()} == {"rope.pcd", "rope.truth.json"}
+    cloud = read_raw(tmp_path / "rope.pcd")
+    assert not cloud.organised and np.isfinite(points).all()
+    assert cloud.viewpoint is not None and cloud.viewpoint.tolist() == [0, 0, 0, 1, 0, 0, 0]
+    camera = {"camera": "realsense-d435", "distance": 0.5, "mask_grow": 1.0}
+    assert truth["settings"] == {"diameter": 0.006, "units": "m", **camera}
+    assert 18_000 < len(points) < 30_000
+    assert np.median(np.abs(line.nearest(points[::20])[1] - 0.003)) < 2e-3
+    result = run(*arguments, "-o", "-")
+    assert result.exit_code == 0 and result.stdout_bytes.startswith(b"ply")
+
+
+def test_the_pose_of_the_camera_is_in_the_units_of_the_cloud(tmp_path: Path) -> None:
+    arguments = [*ROPE, "--camera", "azure-kinect", "--world", "--voxel", 0.004, "--tilt", 20, "--units", "mm"]
+    points, _, truth = made(tmp_path, *arguments, name="rope.pcd")
+    cloud = read_raw(tmp_path / "rope.pcd")
+    assert cloud.viewpoint is not None
+    assert np.linalg.norm(cloud.viewpoint[:3]) == pytest.approx(800)
+    assert cloud.viewpoint[2] == pytest.approx(800 * np.cos(np.radians(20)))
+    assert abs(np.median(points[:, 2])) < 12
+    assert np.asarray(truth["points"])[:, 2] == pytest.approx(0.003)
+
+
+def test_a_tilted_scene_has_a_background(tmp_path: Path) -> None:
+    made(tmp_path, *ROPE, "--camera", "kinect-v1", "--tilt", 15, "--frames", 2, "--holes", 0.1, name="s.ply")
+    assert {path.name for path in tmp_path.iterdir()} == {"s.ply", "s.background.ply", "s.truth.json"}
+    scene, background = read_raw(tmp_path / "s.ply"), read_raw(tmp_path / "s.background.ply")
+    assert scene.organised and background.organised
+    # The table is farther at the top of the image.
+    depth = background.points[:, 2].reshape(480, 640)
+    assert np.nanmedian(depth[20]) > np.nanmedian(depth[460]) + 0.1
 
 
 # The sample clouds -------------------------------------------------------------------------------------------------

@@ -25,6 +25,7 @@ from dlogen.stages.quality.contacts import check_contacts
 from dlogen.stages.quality.cross_section import check_cross_section
 from dlogen.stages.quality.cut_ends import cut_ends
 from dlogen.stages.quality.findings import CLOSED_RING, SIDE_BY_SIDE
+from dlogen.stages.quality.ripples import check_ripples
 from dlogen.stages.refined.caps import on_faces
 from dlogen.stages.refined.collars import about_collars, find_collars
 from dlogen.stages.refined.fit_findings import fit_findings
@@ -193,6 +194,7 @@ def _of_surface(points: Array, surface: _Surface, config: Config) -> FittedLine:
             *cut_ends(moved, s, on_tube, skeleton, radius, fitted.closed),
             *check_followed(moved, ordering.backbone, residual + radius, radius),
             *check_radius_along(skeleton, radius, s[usual], residual[usual] + radius),
+            *check_ripples(skeleton, radius, s[on_tube], residual[on_tube]),
             *([] if oval else check_cross_section(moved, s, residual, skeleton, radius)),
             *check_bends(skeleton, radius, s[on_tube]),
             *([] if known is None else check_radius(known, estimate_scale(points))),

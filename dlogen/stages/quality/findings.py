@@ -286,10 +286,10 @@ RADIUS_MISMATCH = _kind(
 RADIUS_VARIES = _kind(
     "radius-varies",
     ("note", "doubtful"),
-    "The object is clearly thicker or thinner in places; the model has one radius. It is a note where that is told from "
-    "the rest: plugs at the ends, connectors along it, a corrugated hose.",
-    "Nothing if it is a note. Otherwise take connectors, clips and tape out of the cloud, or give r to say which radius "
-    "the model is to have.",
+    "The object is clearly thicker or thinner in places; the model has one radius. It is a note where that is told "
+    "from the rest: plugs at the ends, connectors along it, a corrugated hose.",
+    "Nothing if it is a note. Otherwise take connectors, clips and tape out of the cloud, or give r to say which "
+    "radius the model is to have.",
 )
 BEND_TIGHTER_THAN_RADIUS = _kind(
     "bend-tighter-than-radius",

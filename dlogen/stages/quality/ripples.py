@@ -9,7 +9,7 @@ from dlogen.types import Array, Finding, Skeleton
 from dlogen.types.texts import millimetres
 
 #: Bins of the radius along the line in one radius of length, and points that each needs on average.
-_BINS, _PER_BIN = 4.0, 4.0
+_BINS, _PER_BIN = 8.0, 4.0
 
 #: Ripples that are worth a note: their height over the radius, how much of the variation of the radius they are, and
 #: how many of them there are at least.

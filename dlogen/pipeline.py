@@ -73,7 +73,8 @@ def fit(
     with clock.stage("input"):
         used, said = surface_points(cloud, config.mesh)
         prepared, frame, steps, far = _prepared(used, config)
-    line = _skeleton_line(prepared.cloud, config, clock)  # III.B, III.C
+    with steps.blamed(prepared.scale):
+        line = _skeleton_line(prepared.cloud, config, clock)  # III.B, III.C
     if used.mesh is not None and config.r == AUTO:
         line = with_vertex_radius(line, used.mesh.vertices * prepared.scale - prepared.centre)
     with clock.stage("segmentation"):

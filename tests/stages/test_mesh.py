@@ -20,7 +20,7 @@ def read(folder: Path, data: bytes) -> Cloud:
 
 
 @pytest.mark.parametrize(
-    ("radius", "straight", "bend"), [(0.02, 0.5, 0.1), (0.005, 0.3, 0.05), (0.002, 0.4, 0.02), (0.1, 3.0, 0.5)]
+    ("radius", "straight", "bend"), [(0.02, 0.5, 0.1), (0.005, 0.3, 0.05), (0.002, 0.4, 0.02), (0.05, 1.5, 0.25)]
 )
 @pytest.mark.parametrize("corners", [8, 12, 32])
 def test_a_pipe_with_vertices_at_ends_and_bends_only(

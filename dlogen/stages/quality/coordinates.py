@@ -6,6 +6,8 @@ voxels mark cells that the surface touches anywhere, so that a tube seems thicke
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,6 +78,24 @@ class Steps:
         if self.few_digits and self.largest > float(np.ptp(points, axis=0).max()) / _HOPELESS:
             message, _, hint = self.said(scale).partition(": ")
             raise FitError(f"no chain can be made of this cloud: {message}", hint, stage="input")
+
+    @contextlib.contextmanager
+    def blamed(self, scale: float) -> Iterator[None]:
+        """Where coordinates have few digits, that is why what is done inside fails.
+
+        Args:
+            scale: metres in one of the cloud's numbers.
+
+        Raises:
+            FitError: the one that was raised inside, with that reason.
+        """
+        try:
+            yield
+        except FitError as error:
+            if not self.few_digits:
+                raise
+            message, _, hint = self.said(scale).partition(": ")
+            raise FitError(f"{error.message}; {message}", hint, stage=error.stage) from error
 
     def said(self, scale: float) -> str:
         """What is wrong with few digits: `scale` is metres in one of the cloud's numbers."""

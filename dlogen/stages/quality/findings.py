@@ -233,6 +233,14 @@ POINTS_NOT_REACHED = _kind(
     "See where the line ends (--plot) and leave only the object in the cloud. With profile: paper, try a larger r_n, "
     "or profile: refined.",
 )
+LEFT_OVER = _kind(
+    "left-over",
+    ("doubtful",),
+    "Points that lie together, as dense as those of the object, are not on the line: a tip that it does not reach, or "
+    "something else.",
+    "See what is there (--plot): if it is part of the object, capture what is between it and the rest; if not, take it "
+    "out of the cloud.",
+)
 POINTS_OFF_THE_TUBE = _kind(
     "points-off-the-tube",
     ("doubtful", "bad"),

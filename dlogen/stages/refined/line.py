@@ -25,6 +25,7 @@ from dlogen.stages.quality.contacts import check_contacts
 from dlogen.stages.quality.cross_section import check_cross_section
 from dlogen.stages.quality.cut_ends import cut_ends
 from dlogen.stages.quality.findings import CLOSED_RING, SIDE_BY_SIDE
+from dlogen.stages.quality.left_over import check_left_over
 from dlogen.stages.quality.ripples import check_ripples
 from dlogen.stages.refined.caps import on_faces
 from dlogen.stages.refined.collars import about_collars, find_collars
@@ -123,6 +124,8 @@ def _fitted(cloud: Cloud, ordering: Ordering, known: float | None) -> _Surface |
         if not ordering.noisy and not is_doubted(fitted):
             return surface
     except FitError as reason:
+        if any(item.is_bad for item in ordering.findings):
+            raise explained(reason, ordering.findings) from reason
         fitted, failed = None, reason
     try:
         seen = strand_fit(points, cloud.viewpoint, ordering, known)
@@ -149,7 +152,11 @@ def _of_strand(points: Array, ordering: Ordering, fit: StrandFit, side: bool, co
             Intermediate("tube", points[along], {"s": fit.s[along], "residual": fit.residuals[along]}, colour="s"),
             Intermediate("off_tube", points[~fit.inliers], {"residual": fit.residuals[~fit.inliers]}),
         ),
-        (*check_settings_used(config, _PAPER_ONLY), *strand_findings(fit, ordering, given(config.r), side)),
+        (
+            *check_settings_used(config, _PAPER_ONLY),
+            *strand_findings(fit, ordering, given(config.r), side),
+            *check_left_over(points, fit.skeleton, fit.half_width, fit.noise),
+        ),
         {"r": fit.radius, "N": fit.skeleton.basis.size},
         fit.regime,
     )
@@ -193,6 +200,7 @@ def _of_surface(points: Array, surface: _Surface, config: Config) -> FittedLine:
             *([] if ring else check_contacts(even, ordering.backbone, radius)),
             *cut_ends(moved, s, on_tube, skeleton, radius, fitted.closed),
             *check_followed(moved, ordering.backbone, residual + radius, radius),
+            *check_left_over(moved[usual & ~faces], skeleton, radius, fitted.noise),
             *check_radius_along(skeleton, radius, s[usual], residual[usual] + radius),
             *check_ripples(skeleton, radius, s[on_tube], residual[on_tube]),
             *([] if oval else check_cross_section(moved, s, residual, skeleton, radius)),

@@ -54,6 +54,8 @@ _BRANCH = 5.0
 #: What is left over is something if it is so long, in radii and as a share of the line; if its points are as dense as
 #: those of the line, so many radii are enough, for these are no strays.
 _LEFT_OVER, _LEFT_OVER_SHARE, _DENSE_LEFT_OVER = 4.0, 0.02, 3.0
+#: In a view, what is left over and shorter than this share of the line is doubtful only.
+_SHORT_LEFT_OVER = 0.05
 #: Density over the least one of the line from which on points count as dense.
 _DENSE = 0.5
 #: Shares of the length: up to the one a gap is bridged without doubt, beyond the other it makes two objects.
@@ -262,7 +264,7 @@ def _traced(
     near = _around(sample[:: -(-len(sample) // _LOOKED_AT)], line.points, r, scale.noise)
     findings = [
         *_about_cloud(scale, estimated, per_radius, near, line, r),
-        *_about_rest(others, line, r, place),
+        *_about_rest(others, line, r, place, in_view=in_view),
         *_about_ends(line, r, place),
     ]
     bridges = _bridges(line, sample, tree, r)
@@ -416,8 +418,10 @@ def _about_cloud(
     return findings
 
 
-def _about_rest(others: list[_Line], line: _Line, r: float, place_of: Callable[[Array], Array]) -> list[Finding]:
-    """Chains that are not part of the line."""
+def _about_rest(
+    others: list[_Line], line: _Line, r: float, place_of: Callable[[Array], Array], *, in_view: bool
+) -> list[Finding]:
+    """Chains that are not part of the line; in a view, short ones may be pixels that fly behind an edge."""
     findings = []
     thinnest = float(np.min(line.densities))
     for other in others:
@@ -427,6 +431,11 @@ def _about_rest(others: list[_Line], line: _Line, r: float, place_of: Callable[[
         distance, index = cKDTree(line.points).query(other.points)
         nearest = int(np.argmin(distance))
         what = f"{millimetres(other.length)} long"
+        if in_view and other.length < _SHORT_LEFT_OVER * line.length:
+            place = as_place(place_of(other.points[len(other.points) // 2]))
+            message = f"a group of points {what} is not part of the line and was left out"
+            findings.append(STRAY_POINTS.found(message, "doubtful", position=place))
+            continue
         if distance[nearest] < _BRANCH * r:
             place = as_place(place_of(line.points[index[nearest]]))
             s = float(index[nearest] / (len(line.points) - 1))

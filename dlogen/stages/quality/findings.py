@@ -120,7 +120,7 @@ def _kind(code: str, severities: tuple[Severity, ...], meaning: str, what_to_do:
 
 NOT_A_LINE = _kind(
     "not-a-line",
-    ("bad",),
+    ("doubtful", "bad"),
     "The cloud is not that of a line alone: much of it is no line, or the object is hardly longer than it is wide.",
     "Leave only the object in the cloud, without table, background and fixtures (dlogen extract cuts it out of a "
     "scene), and check r and units.",
@@ -204,9 +204,10 @@ SIDE_BY_SIDE = _kind(
 )
 END_CUT_OFF = _kind(
     "end-cut-off",
-    ("doubtful",),
-    "An end is not square, as where the view or a crop cuts through an object: it may go on there.",
-    "Capture all of the object, or crop the cloud squarely where the chain is to end.",
+    ("note", "doubtful"),
+    "An end is not square, as where the view or a crop cuts through an object: it may go on there. It is a note where "
+    "one side was seen less far than the other, whose edge is square.",
+    "Nothing if it is a note. Otherwise capture all of the object, or crop it squarely where the chain is to end.",
 )
 CURVATURE_UNCERTAIN = _kind(
     "curvature-uncertain",
@@ -293,8 +294,10 @@ RADIUS_MISMATCH = _kind(
 RADIUS_VARIES = _kind(
     "radius-varies",
     ("note", "doubtful"),
-    "The object is clearly thicker or thinner in places; the model has one radius.",
-    "Take connectors, clips and tape out of the cloud, or give r to say which radius the model is to have.",
+    "The object is clearly thicker or thinner in places; the model has one radius. It is a note where that is told "
+    "from the rest: plugs at the ends, connectors along it, a corrugated hose.",
+    "Nothing if it is a note. Otherwise take connectors, clips and tape out of the cloud, or give r to say which "
+    "radius the model is to have.",
 )
 BEND_TIGHTER_THAN_RADIUS = _kind(
     "bend-tighter-than-radius",

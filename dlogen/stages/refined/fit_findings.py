@@ -5,6 +5,7 @@ from __future__ import annotations
 from dlogen.stages.quality.findings import GAP, NOISE
 from dlogen.stages.refined.ordering import Ordering
 from dlogen.stages.refined.refine import Refined
+from dlogen.stages.refined.second_thoughts import reconsidered
 from dlogen.types import Finding, Skeleton
 from dlogen.types.texts import millimetres
 
@@ -22,7 +23,7 @@ def fit_findings(ordering: Ordering, fitted: Refined) -> tuple[Finding, ...]:
         ordering: of the cloud.
         fitted: the fit that started from it.
     """
-    findings = [finding for finding in ordering.findings if not GAP.matches(finding)]
+    findings = [item for item in reconsidered(ordering.findings, fitted) if not GAP.matches(item)]
     line, radius = fitted.skeleton, fitted.radius
     gaps = gap_findings(ordering, line, radius, fitted.gaps)
     share = fitted.noise / radius

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,13 +26,18 @@ from dlogen.stages.quality.cross_section import check_cross_section
 from dlogen.stages.quality.cut_ends import cut_ends
 from dlogen.stages.quality.findings import CLOSED_RING, SIDE_BY_SIDE
 from dlogen.stages.quality.left_over import check_left_over
+from dlogen.stages.quality.ripples import check_ripples
+from dlogen.stages.refined.caps import on_faces
+from dlogen.stages.refined.collars import about_collars, find_collars
 from dlogen.stages.refined.fit_findings import fit_findings
 from dlogen.stages.refined.node_line import clear_nodes, possible_nodes
 from dlogen.stages.refined.ordering import Ordering, order, order_strip
+from dlogen.stages.refined.plugs import with_plugs
 from dlogen.stages.refined.refine import Refined, refine
 from dlogen.stages.refined.regime import is_doubted, shows_surface
 from dlogen.stages.refined.strand_axis import StrandFit
 from dlogen.stages.refined.strand_line import strand_findings, strand_fit
+from dlogen.stages.refined.veil import without_veil
 from dlogen.stages.scale import estimate_scale
 from dlogen.types import Array, Cloud, FittedLine, Intermediate
 
@@ -83,7 +89,8 @@ def _tube_line(cloud: Cloud, known: float | None, config: Config, clock: Clock) 
         scale = estimate_scale(points, radius=known)
 
     with clock.stage("ordering"):
-        ordering = order(points, known, scale, cloud.viewpoint)
+        cloud, ordering = without_veil(cloud, known, order(points, known, scale, cloud.viewpoint))
+        points = cloud.points
         if cloud.viewpoint is not None and not ordering.noisy and any(item.is_bad for item in ordering.findings):
             # Strands that meet are told apart by their edges in the view where noise mixes up their surfaces.
             seen = order_strip(points, scale, known, cloud.viewpoint)
@@ -92,19 +99,30 @@ def _tube_line(cloud: Cloud, known: float | None, config: Config, clock: Clock) 
 
     with clock.stage("refine"):
         fitted = _fitted(cloud, ordering, known)
-    if isinstance(fitted, Refined):
-        return _of_surface(points, ordering, fitted, config)
+    if isinstance(fitted, _Surface):
+        return _of_surface(points, fitted, config)
     return _of_strand(points, ordering, *fitted, config)
 
 
-def _fitted(cloud: Cloud, ordering: Ordering, known: float | None) -> Refined | tuple[StrandFit, bool]:
+class _Surface(NamedTuple):
+    """A tube, what it was fitted to (the points, with plugs as thick as the object), and the order of these."""
+
+    moved: Array
+    ordering: Ordering
+    fit: Refined
+
+
+def _fitted(cloud: Cloud, ordering: Ordering, known: float | None) -> _Surface | tuple[StrandFit, bool]:
     """The tube, or the strip where the noise hides the surface; with the latter, whether its side is known."""
     points = cloud.points
     failed = None
     try:
         fitted = refine(points, ordering.backbone, ordering.radius, fixed_radius=known is not None)
+        plugged = None if ordering.noisy else with_plugs(points, ordering, fitted, known is not None)
+        surface = _Surface(points, ordering, fitted) if plugged is None else _Surface(*plugged)
+        fitted = surface.fit
         if not ordering.noisy and not is_doubted(fitted):
-            return fitted
+            return surface
     except FitError as reason:
         if any(item.is_bad for item in ordering.findings):
             raise explained(reason, ordering.findings) from reason
@@ -118,7 +136,7 @@ def _fitted(cloud: Cloud, ordering: Ordering, known: float | None) -> Refined | 
     if fitted is None:
         assert failed is not None
         raise explained(failed, ordering.findings) from failed
-    return fitted
+    return surface
 
 
 def _of_strand(points: Array, ordering: Ordering, fit: StrandFit, side: bool, config: Config) -> FittedLine:
@@ -144,9 +162,10 @@ def _of_strand(points: Array, ordering: Ordering, fit: StrandFit, side: bool, co
     )
 
 
-def _of_surface(points: Array, ordering: Ordering, fitted: Refined, config: Config) -> FittedLine:
+def _of_surface(points: Array, surface: _Surface, config: Config) -> FittedLine:
     """The line of an object whose surface was seen."""
     known = given(config.r)
+    moved, ordering, fitted = surface
     skeleton, radius, s, residual, on_tube = (
         fitted.skeleton,
         fitted.radius,
@@ -159,10 +178,16 @@ def _of_surface(points: Array, ordering: Ordering, fitted: Refined, config: Conf
     # The two ends of a ring overlap.
     ring = any(CLOSED_RING.matches(item) and item.is_bad for item in ordering.findings)
     even = skeleton(even_parameters(skeleton, round(skeleton.length / radius) + 1))
+    collars = find_collars(fitted)
+    ordering = replace(ordering, findings=tuple(about_collars(ordering.findings, collars, fitted)))
+    # What is said of them already.
+    usual = ~np.any([np.zeros(len(s), dtype=bool), *(collar.points for collar in collars)], axis=0)
+    faces = on_faces(s, residual, on_tube, fitted.closed, radius / skeleton.length)
     return FittedLine(
         skeleton,
         radius,
-        residual + radius,
+        # The faces of closed ends are no points that a tube would have missed.
+        np.where(faces, np.inf, residual + radius),
         on_tube,
         (
             Intermediate("ordering", ordering.backbone),
@@ -173,11 +198,12 @@ def _of_surface(points: Array, ordering: Ordering, fitted: Refined, config: Conf
             *check_settings_used(config, _PAPER_ONLY),
             *fit_findings(ordering, fitted),
             *([] if ring else check_contacts(even, ordering.backbone, radius)),
-            *cut_ends(points, s, on_tube, skeleton, radius),
-            *check_followed(points, ordering.backbone, residual + radius, radius),
-            *check_left_over(points, skeleton, radius, fitted.noise),
-            *check_radius_along(skeleton, radius, s, residual + radius),
-            *([] if oval else check_cross_section(points, s, residual, skeleton, radius)),
+            *cut_ends(moved, s, on_tube, skeleton, radius, fitted.closed),
+            *check_followed(moved, ordering.backbone, residual + radius, radius),
+            *check_left_over(moved[usual & ~faces], skeleton, radius, fitted.noise),
+            *check_radius_along(skeleton, radius, s[usual], residual[usual] + radius),
+            *check_ripples(skeleton, radius, s[on_tube], residual[on_tube]),
+            *([] if oval else check_cross_section(moved, s, residual, skeleton, radius)),
             *check_bends(skeleton, radius, s[on_tube]),
             *([] if known is None else check_radius(known, estimate_scale(points))),
         ),

@@ -399,16 +399,16 @@ def _about_cloud(
     stray = 1.0 - float(near.mean())
     if estimated and scale.line_share < _LINE_SHARE:
         message = "the cloud is longer than wide in few places only: it is not that of a line alone"
-        findings.append(NOT_A_LINE.found(message))
+        findings.append(NOT_A_LINE.found(message, "bad"))
     elif stray > 0.4:
         message = f"{stray:.0%} of the points do not lie around the line that was found"
-        findings.append(NOT_A_LINE.found(message))
+        findings.append(NOT_A_LINE.found(message, "bad"))
     elif stray > 0.01:
         message = f"{stray:.1%} of the points do not lie around the line and were left out"
         findings.append(STRAY_POINTS.found(message, "note" if stray < 0.25 else "doubtful"))
     if line.length < _SHORTEST_LINE * r:
         message = f"the object is only {line.length / (2 * r):.1f} diameters long: it is hardly a line"
-        findings.append(NOT_A_LINE.found(message))
+        findings.append(NOT_A_LINE.found(message, "bad"))
     if estimated and not scale.round:
         message = "the cross-sections are not round: strands may lie side by side; give r to tell them apart"
         findings.append(SIDE_BY_SIDE.found(message))

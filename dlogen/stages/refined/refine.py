@@ -17,11 +17,12 @@ from dlogen.errors import FitError
 from dlogen.geometry.basis import CubicBSpline
 from dlogen.geometry.sampling import spatial_sample
 from dlogen.stages.quality.findings import CURVATURE_UNCERTAIN, RADIUS_UNKNOWN
-from dlogen.stages.refined.ends import find_ends, find_gaps
+from dlogen.stages.refined.caps import Caps, find_caps, straight_beyond, through_face
+from dlogen.stages.refined.ends import End, find_ends, find_gaps
 from dlogen.stages.refined.output_curve import curvature_std, output_curve, sharpest_bend, sufficient_spacing
 from dlogen.stages.refined.support import on_support
 from dlogen.stages.refined.tube import Tube, expected_distance
-from dlogen.stages.refined.tube_curve import arc_at, arc_table, from_polyline
+from dlogen.stages.refined.tube_curve import arc_at, arc_table, from_polyline, nearest
 from dlogen.stages.refined.tube_fit import LEAST_FLOOR, all_points, gauss_newton
 from dlogen.types import Array, BoolArray, Finding, Skeleton
 
@@ -56,6 +57,9 @@ _BEND_KNOWN, _STRAIGHT = 0.25, 0.2
 #: An end is so many radii long where it is compared with other strands; those are this far from it along the curve.
 _END, _ELSEWHERE = 6.0, 12.0
 
+#: The axis is followed beyond the tube so many radii to look for the face of a closed end.
+_BEYOND = 6.0
+
 #: Samples of the curve that stand for it there.
 _SAMPLES_PER_RADIUS = 8.0
 
@@ -84,6 +88,7 @@ class Refined:
         gaps: (s0, s1) of stretches without points, which chance does not explain.
         used: how many points the last steps used.
         findings: what a user should know.
+        closed: whether the faces of the two ends were seen, so that the object certainly ends there.
     """
 
     skeleton: Skeleton
@@ -102,6 +107,7 @@ class Refined:
     gaps: tuple[tuple[float, float], ...]
     used: int
     findings: tuple[Finding, ...]
+    closed: tuple[bool, bool] = (False, False)
 
 
 def refine(points: npt.ArrayLike, backbone: npt.ArrayLike, radius: float, *, fixed_radius: bool = False) -> Refined:
@@ -135,6 +141,8 @@ def refine(points: npt.ArrayLike, backbone: npt.ArrayLike, radius: float, *, fix
     fine = _some(most, _FINE_POINTS)
     rough = _rough(_columns(_some(fine, _ROUGH_POINTS)), backbone - origin, radius, fixed_radius)
     tube = _apart(_columns(fine), _fine(_columns(fine), rough, fixed_radius, radius), fixed_radius)
+    if not tube.solid and find_caps(tube).any:
+        return _closed(near, most, fine, tube, origin, fixed_radius)
     more = most is not fine
     steps = 2 if more and not tube.solid else 0
     tube = all_points(_columns(most), tube, free_radius=not fixed_radius, steps=steps, search=more)
@@ -201,6 +209,53 @@ def _apart(points: Array, tube: Tube, fixed_radius: bool) -> Tube:
     return all_points(points, again, free_radius=free, steps=0, search=True)
 
 
+def _closed(near: Array, most: Array, fine: Array, tube: Tube, origin: Array, fixed_radius: bool) -> Refined:
+    """The result for an object with closed ends: fitted without their faces, and straight up to these.
+
+    Args:
+        near, most, fine: (M, 3) all points, those of the last steps, and those of the fit proper.
+        tube: fitted to the latter, faces and all.
+        origin: of the points, metres.
+        fixed_radius: whether the radius was given.
+    """
+    free = not fixed_radius
+    caps = find_caps(tube)
+    closed = (bool(np.isfinite(caps.low)), bool(np.isfinite(caps.high)))
+    own, fitted = _without(_columns(fine), tube, caps)
+    for floor, steps in ((0.1, 1), (0.02, 1), (LEAST_FLOOR, 6)):
+        fitted = _on_support(fitted, 0.7, _knot_spacing(fitted), _MOST_INTERVALS)
+        fitted = gauss_newton(own, fitted, free_radius=free, steps=steps, floor=floor, search=True)
+    if most is not fine:
+        own, _ = _without(
+            _columns(most), all_points(_columns(most), tube, free_radius=free, steps=0, search=True), caps
+        )
+        fitted = all_points(own, fitted, free_radius=free, steps=2, search=True)
+    radius, s = fitted.radius, arc_at(arc_table(fitted.curve)[1], fitted.x)
+    s = s[(np.abs(fitted.residual) < max(_INLIER * fitted.sigma, _INLIER_FLOOR * radius)) & fitted.on_curve]
+    low, high = float(s.min()), float(s.max())
+    more = tuple(_BEYOND * radius for _ in closed)
+    curve = straight_beyond(fitted.curve, low, high, (more[0], more[1]))
+    straight = replace(fitted, curve=curve)
+    used = all_points(_columns(most), straight, free_radius=False, steps=0, search=True)
+    whole = used if most is near else all_points(_columns(near), straight, free_radius=False, steps=0, search=True)
+    used, whole = replace(used, sigma=fitted.sigma), replace(whole, sigma=fitted.sigma)
+    length = float(arc_table(curve)[1][-1])
+    faces: list[float | None] = [None, None]
+    for side, at in ((0, more[0]), (1, length - more[1])):
+        if closed[side]:
+            away = through_face(_columns(most), curve, at / length * curve.intervals, radius, side == 1)
+            faces[side] = None if away is None else (at - away, at + away)[side]
+    shared = _shared_at_ends(_columns(most), used)
+    return _result(used, whole, shared, origin, fixed_radius, fitted, (faces[0], faces[1]))
+
+
+def _without(points: Array, tube: Tube, caps: Caps) -> tuple[Array, Tube]:
+    """The points between the faces of closed ends, and the tube with their feet: (3, M) -> (3, K)."""
+    s = arc_at(arc_table(tube.curve)[1], tube.x)
+    kept = (s >= caps.low) & (s <= caps.high)
+    return points[:, kept], replace(tube, x=tube.x[kept], distance=tube.distance[kept])
+
+
 def _shared_at_ends(points: Array, tube: Tube) -> BoolArray:
     """Which points near an end of the curve lie on the surface around another part of it, or inside: (3, M) points."""
     curve, radius = tube.curve, tube.radius
@@ -241,7 +296,15 @@ def _on_support(tube: Tube, margin: float, spacing: float, most: int) -> Tube:
     return replace(tube, curve=curve, x=x, solution=None)
 
 
-def _result(tube: Tube, whole: Tube, shared: BoolArray, origin: Array, fixed_radius: bool) -> Refined:
+def _result(
+    tube: Tube,
+    whole: Tube,
+    shared: BoolArray,
+    origin: Array,
+    fixed_radius: bool,
+    fit: Tube | None = None,
+    faces: tuple[float | None, float | None] = (None, None),
+) -> Refined:
     """What the fitted tube says, between the ends that its points show.
 
     Args:
@@ -250,14 +313,18 @@ def _result(tube: Tube, whole: Tube, shared: BoolArray, origin: Array, fixed_rad
         shared: which points of the fit may belong to a strand that an end touches, and say nothing of the end.
         origin: of the points, metres.
         fixed_radius: whether the radius was given.
+        fit: the tube that was fitted, where the ends of `tube` were made straight afterwards.
+        faces: where the axis goes through the faces of closed ends, arc length, metres; None for open ends.
     """
     curve, radius, sigma = tube.curve, tube.radius, tube.sigma
+    fit = fit or tube
     grid, arc, _ = arc_table(curve)
     scale = max(sigma, _INLIER_FLOOR / _INLIER * radius)
     deviation = np.abs(tube.residual) / scale
     s = arc_at(arc, tube.x)
     inside = s[(deviation < _INLIER) & tube.on_curve & ~shared]
-    first, last = find_ends(inside, deviation[tube.on_curve], sigma)
+    ends = find_ends(inside, deviation[tube.on_curve], sigma)
+    first, last = (end if face is None else End(face, sigma) for end, face in zip(ends, faces, strict=True))
     start, end = first.position, last.position
     if not end - start > 0.1 * radius:
         raise FitError("the line has no length", "check r and units", stage="refine")
@@ -266,13 +333,16 @@ def _result(tube: Tube, whole: Tube, shared: BoolArray, origin: Array, fixed_rad
     skeleton = Skeleton(CubicBSpline(fitted.intervals + 3), fitted.coefficients, origin, length)
 
     kappa, s_kappa = sharpest_bend(fitted)
-    kappa_std = curvature_std(tube, float(np.interp(start + s_kappa * (end - start), arc, grid)))
+    sharpest = float(np.interp(start + s_kappa * (end - start), arc, grid))
+    if fit is not tube:
+        sharpest = float(nearest(fit.curve, curve(np.array([sharpest])).T, 0.1 * radius)[0])
+    kappa_std = curvature_std(fit, sharpest)
     if fixed_radius:
         radius_std = 0.0
-    elif tube.solid or tube.solution is None:
+    elif tube.solid or fit.solution is None:
         radius_std = np.inf
     else:
-        radius_std = sigma / float(np.sqrt(tube.solution.schur))
+        radius_std = sigma / float(np.sqrt(fit.solution.schur))
     known = radius_std < _RADIUS_KNOWN * radius
     gaps = find_gaps(s[(deviation < _INLIER) & tube.on_curve], start, end, radius)
 
@@ -297,6 +367,7 @@ def _result(tube: Tube, whole: Tube, shared: BoolArray, origin: Array, fixed_rad
         gaps=gaps,
         used=used,
         findings=_findings(skeleton, radius, radius_std, known, kappa, s_kappa, kappa_std),
+        closed=(faces[0] is not None, faces[1] is not None),
     )
 
 

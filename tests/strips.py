@@ -45,7 +45,12 @@ def loop(height: float = 0.5) -> Array:
 
 
 def strip(
-    axis: Array, radius: float = 0.003, noise: float = 0.0012, shared: float = 0.012, pixel: float = 0.0006, seed: int = 0
+    axis: Array,
+    radius: float = 0.003,
+    noise: float = 0.0012,
+    shared: float = 0.012,
+    pixel: float = 0.0006,
+    seed: int = 0,
 ) -> Strip:
     """Pixels on a grid, in depth steps of 1 mm, with noise along the ray that is shared over a length.
 

@@ -22,7 +22,6 @@ from dlogen.geometry.mdtw import mdtw
 from dlogen.geometry.polyline import resample
 from dlogen.types import Array
 
-
 #: Beyond this distance the noise on a thin strand is more than the strand, metres.
 _FARTHEST = {"realsense-d435": 0.8}
 

@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from dlogen.geometry.eigen3 import products, smallest_axes
 from dlogen.geometry.vectors import dots, unit
+from dlogen.stages.refined.orientation import alike
 from dlogen.types import Array, BoolArray, IntArray
 
 #: Reach of the neighbourhoods in radii, round by round: of nodes of projected points, which are near the axis from the
@@ -38,6 +39,11 @@ _PATCH = 6
 _AGREE, _JUDGED, _AROUND, _COMPANY = 0.5, 60, 1.5, 200
 
 
+#: How far inside the tube, in radii, the centroid around a point is, where the side of its normal is sure; and the
+#: share of points beyond which all are looked at again where it is not.
+_UNSURE, _FEW_UNSURE = 0.15, 0.3
+
+
 @dataclass(frozen=True, eq=False)
 class Nodes:
     """Places near the axis.
@@ -55,7 +61,9 @@ class Nodes:
     density: Array
 
 
-def axis_votes(points: Array, tree: cKDTree, radius: float, spacing: float) -> tuple[Array, BoolArray]:
+def axis_votes(
+    points: Array, tree: cKDTree, radius: float, spacing: float, viewpoint: Array | None = None
+) -> tuple[Array, BoolArray]:
     """Project points to the axis by the radius along their normals (Eq. 4), where they have enough neighbours.
 
     Args:
@@ -63,6 +71,7 @@ def axis_votes(points: Array, tree: cKDTree, radius: float, spacing: float) -> t
         tree: of the points.
         radius: of the tube, metres.
         spacing: median distance between nearest neighbours, metres.
+        viewpoint: (3,) where the points were seen from, if that is known, metres.
 
     Returns:
         votes: (M, 3) projected points, or the points themselves.
@@ -73,18 +82,31 @@ def axis_votes(points: Array, tree: cKDTree, radius: float, spacing: float) -> t
     # The nearest neighbour of half of the points on a surface is within a disc where ln 2 others are due.
     if np.log(2.0) * (reach / spacing) ** 2 < _PATCH - 2:
         return points, np.zeros(len(points), dtype=bool)
-    moments = _sums(_pairs(tree, reach), _moments(points))
+    pairs = _pairs(tree, reach)
+    moments = _sums(pairs, _moments(points))
     projected = moments[:, 0] >= _PATCH
     if projected.mean() < 0.5:
         # What they are in such a cloud is chance.
         projected[:] = False
         return points, projected
     normals = smallest_axes(_covariances(moments[projected]))
-    inward = _local_centroids(points, radius, 2.0 * radius)[projected] - points[projected]
-    normals *= np.where(dots(normals, inward) > 0.0, -1.0, 1.0)[:, None]
-    votes = points.copy()
-    votes[projected] -= radius * normals
-    return votes, projected
+    outward = (points - _local_centroids(points, radius, 2.0 * radius))[projected]
+    sides = [np.where(dots(normals, outward) < 0.0, -1.0, 1.0)]
+    if float(np.mean(np.abs(dots(normals, outward)) < _UNSURE * radius)) > _FEW_UNSURE:
+        # Less of the circumference was seen than tells the side of each normal by itself.
+        number = np.cumsum(projected) - 1
+        among = number[pairs[:, projected[pairs].all(axis=0)]]
+        sides.append(alike(points[projected], normals, outward, among))
+        if viewpoint is not None:
+            sides.append(np.where(dots(normals, viewpoint - points[projected]) < 0.0, -1.0, 1.0))
+    candidates = [points.copy() for _ in sides]
+    for votes, side in zip(candidates, sides, strict=True):
+        votes[projected] -= radius * side[:, None] * normals
+    if len(candidates) == 1:
+        return candidates[0], projected
+    places = _places(projected)
+    spreads = [float(np.mean(_spread(votes[projected], votes[places], radius))) for votes in candidates]
+    return candidates[int(np.argmin(spreads))], projected
 
 
 def votes_agree(points: Array, votes: Array, projected: BoolArray, radius: float) -> bool:
@@ -102,9 +124,16 @@ def votes_agree(points: Array, votes: Array, projected: BoolArray, radius: float
     index = np.flatnonzero(projected)
     if len(index) < _PATCH:
         return False
-    places = index[np.unique(np.linspace(0, len(index) - 1, _JUDGED).astype(np.intp))]
+    places = _places(projected)
     before, after = (_spread(cloud[index], cloud[places], radius) for cloud in (points, votes))
     return float(np.median(after)) < _AGREE * float(np.median(before))
+
+
+def _places(projected: BoolArray) -> IntArray:
+    """Indices of some of the projected points, evenly over all of them."""
+    index = np.flatnonzero(projected)
+    places: IntArray = index[np.unique(np.linspace(0, len(index) - 1, _JUDGED).astype(np.intp))]
+    return places
 
 
 def _spread(points: Array, places: Array, radius: float) -> Array:

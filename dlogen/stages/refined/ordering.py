@@ -152,7 +152,7 @@ def order(
 
     tree = cKDTree(sample)
     spacing = scale.spacing / np.sqrt(thinned)
-    votes, projected = axis_votes(sample, tree, r, spacing)
+    votes, projected = axis_votes(sample, tree, r, spacing, None if viewpoint is None else viewpoint - origin)
     if projected.any() and not votes_agree(sample, votes, projected, r):
         return order_strip(points, scale, radius, viewpoint)
     return _traced(

@@ -105,7 +105,9 @@ def axis_votes(
     if len(candidates) == 1:
         return candidates[0], projected
     places = _places(projected)
-    spreads = [float(np.mean(_spread(votes[projected], votes[places], radius))) for votes in candidates]
+    # Votes on the wrong side are two radii from the others.
+    reach = 2.0 * _AROUND * radius
+    spreads = [float(np.mean(_spread(votes[projected], votes[places], reach))) for votes in candidates]
     return candidates[int(np.argmin(spreads))], projected
 
 
@@ -125,7 +127,7 @@ def votes_agree(points: Array, votes: Array, projected: BoolArray, radius: float
     if len(index) < _PATCH:
         return False
     places = _places(projected)
-    before, after = (_spread(cloud[index], cloud[places], radius) for cloud in (points, votes))
+    before, after = (_spread(cloud[index], cloud[places], _AROUND * radius) for cloud in (points, votes))
     return float(np.median(after)) < _AGREE * float(np.median(before))
 
 
@@ -136,9 +138,9 @@ def _places(projected: BoolArray) -> IntArray:
     return places
 
 
-def _spread(points: Array, places: Array, radius: float) -> Array:
+def _spread(points: Array, places: Array, reach: float) -> Array:
     """(P,) root mean square distance of the points around places from the line through them, metres."""
-    near = cKDTree(points).query(places, min(_COMPANY, len(points)), distance_upper_bound=_AROUND * radius)[1]
+    near = cKDTree(points).query(places, min(_COMPANY, len(points)), distance_upper_bound=reach)[1]
     inside = (near < len(points)).astype(float)
     around = points[np.minimum(near, len(points) - 1)] - places[:, None]
     total = inside.sum(axis=1)

@@ -39,6 +39,9 @@ _PATCH = 6
 _AGREE, _JUDGED, _AROUND, _COMPANY = 0.5, 60, 1.5, 200
 
 
+#: Votes are believed, too, if their distance from the line is less than this, in radii.
+_BUNCHED = 0.2
+
 #: How far inside the tube, in radii, the centroid around a point is, where the side of its normal is sure; and the
 #: share of points beyond which all are looked at again where it is not.
 _UNSURE, _FEW_UNSURE = 0.15, 0.3
@@ -116,7 +119,8 @@ def votes_agree(points: Array, votes: Array, projected: BoolArray, radius: float
 
     Normals of noise point anywhere: the votes of a strip whose depth is noise lie a radius above and below it, and
     look like two strands. How far neighbours are from the line through them tells the two apart: it shrinks to a
-    quarter on a clean surface, and stays as it is where the normals mean nothing.
+    quarter on a clean surface, and stays as it is where the normals mean nothing. The points of a narrow arc are near
+    a line themselves; votes that are as near to one, a radius away, are no chance either.
 
     Args:
         points: (M, 3) metres.
@@ -128,7 +132,7 @@ def votes_agree(points: Array, votes: Array, projected: BoolArray, radius: float
         return False
     places = _places(projected)
     before, after = (_spread(cloud[index], cloud[places], _AROUND * radius) for cloud in (points, votes))
-    return float(np.median(after)) < _AGREE * float(np.median(before))
+    return float(np.median(after)) < max(_AGREE * float(np.median(before)), _BUNCHED * radius)
 
 
 def _places(projected: BoolArray) -> IntArray:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from dlogen.config.fields import given
 from dlogen.config.schema import Config
 from dlogen.errors import FitError
 from dlogen.geometry.arc_length import even_parameters
+from dlogen.stages.bed import bed_points
 from dlogen.stages.clock import Clock
 from dlogen.stages.prepare import check_given_radius
 from dlogen.stages.quality.checks import (
@@ -21,7 +24,8 @@ from dlogen.stages.quality.checks import (
 from dlogen.stages.quality.contacts import check_contacts
 from dlogen.stages.quality.cross_section import check_cross_section
 from dlogen.stages.quality.cut_ends import cut_ends
-from dlogen.stages.quality.findings import CLOSED_RING, SIDE_BY_SIDE
+from dlogen.stages.quality.findings import CLOSED_RING, RADIUS_UNKNOWN, SIDE_BY_SIDE, STRAY_POINTS
+from dlogen.stages.quality.roundness import check_roundness
 from dlogen.stages.refined.fit_findings import fit_findings
 from dlogen.stages.refined.ordering import Ordering, order, order_strip
 from dlogen.stages.refined.refine import Refined, refine
@@ -29,7 +33,7 @@ from dlogen.stages.refined.regime import is_doubted, shows_surface
 from dlogen.stages.refined.strand_axis import StrandFit
 from dlogen.stages.refined.strand_line import strand_findings, strand_fit
 from dlogen.stages.scale import estimate_scale
-from dlogen.types import Array, Cloud, FittedLine, Intermediate
+from dlogen.types import Array, Cloud, Finding, FittedLine, Intermediate
 
 #: What this profile chooses from the data by itself.
 _PAPER_ONLY = (
@@ -57,9 +61,11 @@ def refined_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:
         ConfigError: the given radius is larger than the cloud.
         FitError: no line can be made from it.
     """
-    points, known = cloud.points, given(config.r)
+    known = given(config.r)
     with clock.stage("scale"):
-        check_given_radius(points, known)
+        check_given_radius(cloud.points, known)
+        cloud, on_bed = _off_its_bed(cloud)
+        points = cloud.points
         scale = estimate_scale(points, radius=known)
 
     with clock.stage("ordering"):
@@ -73,8 +79,21 @@ def refined_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:
     with clock.stage("refine"):
         fitted = _fitted(cloud, ordering, known)
     if isinstance(fitted, Refined):
-        return _of_surface(points, ordering, fitted, config)
-    return _of_strand(points, ordering, *fitted, config)
+        line = _of_surface(points, ordering, fitted, config)
+    else:
+        line = _of_strand(points, ordering, *fitted, config)
+    return replace(line, findings=(*on_bed, *line.findings))
+
+
+def _off_its_bed(cloud: Cloud) -> tuple[Cloud, list[Finding]]:
+    """The cloud without a strip of what the object lies on, and what is said about that."""
+    bed = bed_points(cloud.points)
+    if not bed.any():
+        return cloud, []
+    normals = None if cloud.normals is None else cloud.normals[~bed]
+    share = 100.0 * float(bed.mean())
+    message = f"{share:.0f} % of the points lie in one plane beside the object, as what it lies on: they were left out"
+    return replace(cloud, points=cloud.points[~bed], normals=normals), [STRAY_POINTS.found(message, "note")]
 
 
 def _fitted(cloud: Cloud, ordering: Ordering, known: float | None) -> Refined | tuple[StrandFit, bool]:
@@ -149,9 +168,20 @@ def _of_surface(points: Array, ordering: Ordering, fitted: Refined, config: Conf
             *cut_ends(points, s, on_tube, skeleton, radius),
             *check_followed(points, ordering.backbone, residual + radius, radius),
             *check_radius_along(skeleton, radius, s, residual + radius),
-            *([] if oval else check_cross_section(points, s, residual, skeleton, radius)),
+            *([] if oval else _section_findings(points, fitted, known)),
             *check_bends(skeleton, radius, s[on_tube]),
             *([] if known is None else check_radius(known, estimate_scale(points))),
         ),
         {"r": radius, "N": skeleton.basis.size},
     )
+
+
+def _section_findings(points: Array, fitted: Refined, known: float | None) -> list[Finding]:
+    """Whether the cross-section is that of one round object."""
+    s, residual, line, radius = fitted.s, fitted.residuals, fitted.skeleton, fitted.radius
+    found = check_cross_section(points, s, residual, line, radius)
+    if found:
+        return found
+    unknown = known is None and not fitted.radius_identifiable
+    found = check_roundness(points, s, residual, line, radius, shared=fitted.shared, known=known is not None)
+    return [item for item in found if not (unknown and RADIUS_UNKNOWN.matches(item))]

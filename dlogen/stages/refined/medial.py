@@ -152,7 +152,8 @@ def _spread(points: Array, places: Array, reach: float) -> Array:
     around -= mean[:, None]
     covariance = np.einsum("pk,pki,pkj->pij", inside, around, around) / total[:, None, None]
     values = np.linalg.eigvalsh(covariance)
-    return np.sqrt(np.maximum(values[:, 0] + values[:, 1], 0.0))
+    spread: Array = np.sqrt(np.maximum(values[:, 0] + values[:, 1], 0.0))
+    return spread
 
 
 def contract(votes: Array, projected: BoolArray, radius: float, per_radius: float) -> Nodes:

@@ -52,4 +52,5 @@ def alike(positions: Array, normals: Array, outward: Array, pairs: IntArray) -> 
         for child, parent, factor in zip(order[1:].tolist(), parents.tolist(), same.tolist(), strict=True):
             sign[child] = factor * sign[parent]
     evidence = np.bincount(piece, sign * dots(normals, outward), pieces)
-    return sign * np.where(evidence < 0.0, -1.0, 1.0)[piece]
+    signs: Array = sign * np.where(evidence < 0.0, -1.0, 1.0)[piece]
+    return signs

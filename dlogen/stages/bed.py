@@ -17,7 +17,7 @@ from dlogen.types import Array, BoolArray
 _SAMPLE, _FEWEST = 4000, 200
 
 #: Share of the lowest points that a plane is tried with first, rounds of refining it, and least share of the bed.
-_LOWEST, _ROUNDS, _LEAST = 0.1, 20, 0.03
+_LOWEST, _ROUNDS, _LEAST = 0.1, 8, 0.03
 
 #: Standard deviations about the plane within which points are the bed's, and from which on there are none.
 _WITHIN, _BEYOND = 4.0, 4.5

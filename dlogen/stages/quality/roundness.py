@@ -72,10 +72,15 @@ def _not_round(section: Section, radius: float, shared: float) -> str | None:
     if not _by_chance(misfit(clear), shared):
         ellipse = ellipse_through(clear)
         if ellipse is not None and not is_round(ellipse, shared) and (whole or not _is_no_circle(misfit(seen), radius)):
-            size = f"but {millimetres(ellipse.width)} by {millimetres(ellipse.height)}"
-            what = "the object is oval or flat" + (", or views of it are out of register" if whole else "")
-            by_view = "" if whole else ", as far as the side that was seen tells"
-            return f"the cross-sections are not round, {size}{by_view}: {what}"
+            size = (
+                f"the cross-sections are not round, but {millimetres(ellipse.width)} by {millimetres(ellipse.height)}"
+            )
+            if whole:
+                return f"{size}: the object is oval or flat, or views of it are out of register"
+            middle = (
+                f"their middle is {millimetres(abs(ellipse.up))} {'above' if ellipse.up > 0.0 else 'below'} the line"
+            )
+            return f"{size}, as far as one side tells, and {middle}, as it was seen: the object is oval or flat"
     if _by_chance(misfit(seen), shared) or not _is_no_circle(misfit(seen), radius):
         return None
     if whole:

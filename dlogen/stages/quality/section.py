@@ -18,6 +18,9 @@ _LOOKED_AT, _FRAMES, _TOGETHER, _PIECES, _ENDS = 20_000, 400, 3.0, 8, 0.02
 #: Distance of the centroid of the directions from the axis to the points beyond which one side was seen.
 _ONE_SIDE = 0.25
 
+#: How often, and over how many neighbours in turn, directions are averaged, as long as they keep this share of length.
+_POOLINGS, _POOLED, _TURNING = 6, 4, 0.97
+
 #: Points farther from the surface than this, in radii, are no part of the section.
 _NEAR = 0.6
 
@@ -121,12 +124,25 @@ def pooled_section(points: Array, s: Array, residual: Array, line: Skeleton, rad
 
 
 def _seen_from(y: Array, z: Array, group: IntArray, count: int) -> tuple[Array, bool]:
-    """(K,) angle of the middle of what was seen around each point, from directions; and whether it is one side."""
-    total = np.maximum(np.bincount(group, minlength=count), 1)
-    y, z = np.bincount(group, y, count) / total, np.bincount(group, z, count) / total
-    weight = np.bincount(group, minlength=count)
-    one_side = float(np.sum(weight * np.hypot(y, z)) / weight.sum()) > _ONE_SIDE
-    return np.arctan2(z, y)[group], one_side
+    """(K,) angle of the middle of what was seen around each point, from directions; and whether it is one side.
+
+    A few points tell the middle to a few degrees only, and neighbours tell more as long as what was seen does not turn
+    around the line.
+    """
+    weight = np.bincount(group, minlength=count).astype(float)
+    sums = np.stack([weight, np.bincount(group, y, count), np.bincount(group, z, count)])
+    length = float(np.hypot(*sums[1:]).sum())
+    one_side = length > _ONE_SIDE * len(group)
+    for _ in range(_POOLINGS):
+        wider = sums
+        for _ in range(_POOLED):
+            padded = np.pad(wider, ((0, 0), (1, 1)), mode="edge")
+            wider = 0.25 * (padded[:, :-2] + 2.0 * padded[:, 1:-1] + padded[:, 2:])
+        shorter = float(np.sum(weight * np.hypot(*wider[1:]) / np.maximum(wider[0], 1e-300)))
+        if shorter < _TURNING * length:
+            break
+        sums = wider
+    return np.arctan2(sums[2], sums[1])[group], one_side
 
 
 def _flattest(angle: Array, distance: Array, group: IntArray) -> Array:

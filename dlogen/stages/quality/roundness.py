@@ -20,6 +20,10 @@ _BY_CHANCE, _NO_CIRCLE, _NO_NOISE = 1.5, 0.05, 0.4
 #: the edges of what was seen lie between the object and what is behind it.
 _SEEN, _CLEAR = 0.5 * np.pi, np.radians(75.0)
 
+#: Half of the arc, around the circle nearest to it, beyond which a section can be higher than wide, radians: at the
+#: edges of less the pixels lie a little behind the surface, which looks the same.
+_UPRIGHT = np.radians(80.0)
+
 #: An arc of less than so many degrees shows a circle's radius only if it is known to be one. A camera sees 180 degrees
 #: of a round object, less what is too steep for it.
 _LEAST_ARC = 110.0
@@ -71,7 +75,11 @@ def _not_round(section: Section, radius: float, shared: float) -> str | None:
     clear = section if whole else section.within(_CLEAR)
     if not _by_chance(misfit(clear), shared):
         ellipse = ellipse_through(clear)
-        if ellipse is not None and not is_round(ellipse, shared) and (whole or not _is_no_circle(misfit(seen), radius)):
+        if (
+            ellipse is not None
+            and not is_round(ellipse, shared)
+            and (whole or (_can_be(ellipse, section) and not _is_no_circle(misfit(seen), radius)))
+        ):
             size = (
                 f"the cross-sections are not round, but {millimetres(ellipse.width)} by {millimetres(ellipse.height)}"
             )
@@ -86,6 +94,11 @@ def _not_round(section: Section, radius: float, shared: float) -> str | None:
     if whole:
         return "the cross-sections are not round"
     return "the cross-sections are no part of a circle: what the object lies on, or is beside, may be in the cloud"
+
+
+def _can_be(ellipse: Ellipse, section: Section) -> bool:
+    """Whether an object as high as that would be seen as it was: what stands upright shows its sides."""
+    return ellipse.height < ellipse.width or section.half_angle > _UPRIGHT
 
 
 def _by_chance(off: Misfit | None, shared: float) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from partly_seen import arc, on_table, oval, two_views
+from partly_seen import arc, on_table, oval, sections, two_views
 from scipy.spatial import cKDTree
 
 from dlogen.pipeline import fit
@@ -56,6 +56,19 @@ def test_a_narrow_arc_does_not_tell_the_radius(half: float, noise: float, hangin
 @pytest.mark.parametrize("seed", range(2))
 def test_nothing_is_said_of_round_cables(half: float, noise: float, seed: int) -> None:
     assert codes(arc(0.01, half, 8000, noise, seed)) == set()
+
+
+@pytest.mark.parametrize("height", [1.4, 2.0])
+def test_an_oval_cable_that_stands_upright(height: float) -> None:
+    assert "not-round" in codes(oval(0.014, 0.014 * height, 6000, 0.0001))
+
+
+def test_edges_that_lie_a_little_behind_the_surface_are_no_oval() -> None:
+    rng = np.random.default_rng(0)
+    angle = np.radians(rng.uniform(-65.0, 65.0, 8000))
+    behind = 0.00025 * np.abs(np.sin(angle)) ** 6
+    points = sections(rng, 0.005 * np.sin(angle), 0.005 * np.cos(angle) - behind)
+    assert codes(points + 0.00005 * rng.normal(size=points.shape)) == set()
 
 
 def test_nothing_is_said_of_views_in_register() -> None:

@@ -22,7 +22,7 @@ _SEEN, _CLEAR = 0.5 * np.pi, np.radians(75.0)
 
 #: Half of the arc, around the circle nearest to it, beyond which a section can be higher than wide, radians: at the
 #: edges of less the pixels lie a little behind the surface, which looks the same.
-_UPRIGHT = np.radians(80.0)
+_UPRIGHT = float(np.radians(80.0))
 
 #: An arc of less than so many degrees shows a circle's radius only if it is known to be one. A camera sees 180 degrees
 #: of a round object, less what is too steep for it.

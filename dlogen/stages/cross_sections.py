@@ -105,7 +105,7 @@ def _circle(u: Array, v: Array, weight: Array) -> tuple[Array, Array, Array]:
     mz = xx + yy
     cov = xx * yy - xy * xy
     var = zz - mz * mz
-    a2 = 4.0 * cov - 3.0 * mz * mz - zz
+    a2 = -3.0 * mz * mz - zz
     a1 = var * mz + 4.0 * cov * mz - xz * xz - yz * yz
     a0 = xz * (xz * yy - yz * xy) + yz * (yz * xx - xz * xy) - var * cov
     root = np.zeros_like(mz)

@@ -202,6 +202,14 @@ SIDE_BY_SIDE = _kind(
     "Give r, the radius of one strand, so that they are told apart, or capture the object with its strands apart. An "
     "object that is not round, such as a flat cable, gets a round model.",
 )
+NOT_ROUND = _kind(
+    "not-round",
+    ("doubtful",),
+    "The cross-sections are oval or flat, and the model is round: its axis and radius are off where only one side was "
+    "seen.",
+    "If the object is round, see whether views of it are out of register, or a strip of what it lies on was left in "
+    "the cloud. If it is oval or flat, take width and thickness from the message.",
+)
 END_CUT_OFF = _kind(
     "end-cut-off",
     ("note", "doubtful"),

@@ -11,6 +11,7 @@ from dlogen.config.fields import given
 from dlogen.config.schema import Config
 from dlogen.errors import FitError
 from dlogen.geometry.arc_length import even_parameters
+from dlogen.stages.bed import bed_points
 from dlogen.stages.clock import Clock
 from dlogen.stages.prepare import check_given_radius
 from dlogen.stages.quality.checks import (
@@ -24,9 +25,10 @@ from dlogen.stages.quality.checks import (
 from dlogen.stages.quality.contacts import check_contacts
 from dlogen.stages.quality.cross_section import check_cross_section
 from dlogen.stages.quality.cut_ends import cut_ends
-from dlogen.stages.quality.findings import CLOSED_RING, SIDE_BY_SIDE
+from dlogen.stages.quality.findings import CLOSED_RING, RADIUS_UNKNOWN, SIDE_BY_SIDE, STRAY_POINTS
 from dlogen.stages.quality.left_over import check_left_over
 from dlogen.stages.quality.ripples import check_ripples
+from dlogen.stages.quality.roundness import check_roundness
 from dlogen.stages.refined.caps import on_faces
 from dlogen.stages.refined.collars import about_collars, find_collars
 from dlogen.stages.refined.fit_findings import fit_findings
@@ -39,7 +41,7 @@ from dlogen.stages.refined.strand_axis import StrandFit
 from dlogen.stages.refined.strand_line import strand_findings, strand_fit
 from dlogen.stages.refined.veil import without_veil
 from dlogen.stages.scale import estimate_scale
-from dlogen.types import Array, Cloud, FittedLine, Intermediate
+from dlogen.types import Array, Cloud, Finding, FittedLine, Intermediate
 
 #: What this profile chooses from the data by itself.
 _PAPER_ONLY = (
@@ -83,9 +85,10 @@ def refined_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:
 
 def _tube_line(cloud: Cloud, known: float | None, config: Config, clock: Clock) -> FittedLine:
     """The line of points that lie on a surface."""
-    points = cloud.points
     with clock.stage("scale"):
-        check_given_radius(points, known)
+        check_given_radius(cloud.points, known)
+        cloud, on_bed = _off_its_bed(cloud)
+        points = cloud.points
         scale = estimate_scale(points, radius=known)
 
     with clock.stage("ordering"):
@@ -100,8 +103,21 @@ def _tube_line(cloud: Cloud, known: float | None, config: Config, clock: Clock) 
     with clock.stage("refine"):
         fitted = _fitted(cloud, ordering, known)
     if isinstance(fitted, _Surface):
-        return _of_surface(points, fitted, config)
-    return _of_strand(points, ordering, *fitted, config)
+        line = _of_surface(points, fitted, config)
+    else:
+        line = _of_strand(points, ordering, *fitted, config)
+    return replace(line, findings=(*on_bed, *line.findings))
+
+
+def _off_its_bed(cloud: Cloud) -> tuple[Cloud, list[Finding]]:
+    """The cloud without a strip of what the object lies on, and what is said about that."""
+    bed = bed_points(cloud.points)
+    if not bed.any():
+        return cloud, []
+    normals = None if cloud.normals is None else cloud.normals[~bed]
+    share = 100.0 * float(bed.mean())
+    message = f"{share:.0f} % of the points lie in one plane beside the object, as what it lies on: they were left out"
+    return replace(cloud, points=cloud.points[~bed], normals=normals), [STRAY_POINTS.found(message, "note")]
 
 
 class _Surface(NamedTuple):
@@ -203,9 +219,20 @@ def _of_surface(points: Array, surface: _Surface, config: Config) -> FittedLine:
             *check_left_over(moved[usual & ~faces], skeleton, radius, fitted.noise),
             *check_radius_along(skeleton, radius, s[usual], residual[usual] + radius),
             *check_ripples(skeleton, radius, s[on_tube], residual[on_tube]),
-            *([] if oval else check_cross_section(moved, s, residual, skeleton, radius)),
+            *([] if oval else _section_findings(moved, fitted, known)),
             *check_bends(skeleton, radius, s[on_tube]),
             *([] if known is None else check_radius(known, estimate_scale(points))),
         ),
         {"r": radius, "N": skeleton.basis.size},
     )
+
+
+def _section_findings(points: Array, fitted: Refined, known: float | None) -> list[Finding]:
+    """Whether the cross-section is that of one round object."""
+    s, residual, line, radius = fitted.s, fitted.residuals, fitted.skeleton, fitted.radius
+    found = check_cross_section(points, s, residual, line, radius)
+    if found:
+        return found
+    unknown = known is None and not fitted.radius_identifiable
+    found = check_roundness(points, s, residual, line, radius, shared=fitted.shared, known=known is not None)
+    return [item for item in found if not (unknown and RADIUS_UNKNOWN.matches(item))]

@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from dlogen.geometry.eigen3 import products, smallest_axes
 from dlogen.geometry.vectors import dots, unit
+from dlogen.stages.refined.orientation import alike
 from dlogen.types import Array, BoolArray, IntArray
 
 #: Reach of the neighbourhoods in radii, round by round: of nodes of projected points, which are near the axis from the
@@ -38,6 +39,14 @@ _PATCH = 6
 _AGREE, _JUDGED, _AROUND, _COMPANY = 0.5, 60, 1.5, 200
 
 
+#: Votes are believed, too, if their distance from the line is less than this, in radii.
+_BUNCHED = 0.2
+
+#: How far inside the tube, in radii, the centroid around a point is, where the side of its normal is sure; and the
+#: share of points beyond which all are looked at again where it is not.
+_UNSURE, _FEW_UNSURE = 0.15, 0.3
+
+
 @dataclass(frozen=True, eq=False)
 class Nodes:
     """Places near the axis.
@@ -55,7 +64,9 @@ class Nodes:
     density: Array
 
 
-def axis_votes(points: Array, tree: cKDTree, radius: float, spacing: float) -> tuple[Array, BoolArray]:
+def axis_votes(
+    points: Array, tree: cKDTree, radius: float, spacing: float, viewpoint: Array | None = None
+) -> tuple[Array, BoolArray]:
     """Project points to the axis by the radius along their normals (Eq. 4), where they have enough neighbours.
 
     Args:
@@ -63,6 +74,7 @@ def axis_votes(points: Array, tree: cKDTree, radius: float, spacing: float) -> t
         tree: of the points.
         radius: of the tube, metres.
         spacing: median distance between nearest neighbours, metres.
+        viewpoint: (3,) where the points were seen from, if that is known, metres.
 
     Returns:
         votes: (M, 3) projected points, or the points themselves.
@@ -73,18 +85,33 @@ def axis_votes(points: Array, tree: cKDTree, radius: float, spacing: float) -> t
     # The nearest neighbour of half of the points on a surface is within a disc where ln 2 others are due.
     if np.log(2.0) * (reach / spacing) ** 2 < _PATCH - 2:
         return points, np.zeros(len(points), dtype=bool)
-    moments = _sums(_pairs(tree, reach), _moments(points))
+    pairs = _pairs(tree, reach)
+    moments = _sums(pairs, _moments(points))
     projected = moments[:, 0] >= _PATCH
     if projected.mean() < 0.5:
         # What they are in such a cloud is chance.
         projected[:] = False
         return points, projected
     normals = smallest_axes(_covariances(moments[projected]))
-    inward = _local_centroids(points, radius, 2.0 * radius)[projected] - points[projected]
-    normals *= np.where(dots(normals, inward) > 0.0, -1.0, 1.0)[:, None]
-    votes = points.copy()
-    votes[projected] -= radius * normals
-    return votes, projected
+    outward = (points - _local_centroids(points, radius, 2.0 * radius))[projected]
+    sides = [np.where(dots(normals, outward) < 0.0, -1.0, 1.0)]
+    if float(np.mean(np.abs(dots(normals, outward)) < _UNSURE * radius)) > _FEW_UNSURE:
+        # Less of the circumference was seen than tells the side of each normal by itself.
+        number = np.cumsum(projected) - 1
+        among = number[pairs[:, projected[pairs].all(axis=0)]]
+        sides.append(alike(points[projected], normals, outward, among))
+        if viewpoint is not None:
+            sides.append(np.where(dots(normals, viewpoint - points[projected]) < 0.0, -1.0, 1.0))
+    candidates = [points.copy() for _ in sides]
+    for votes, side in zip(candidates, sides, strict=True):
+        votes[projected] -= radius * side[:, None] * normals
+    if len(candidates) == 1:
+        return candidates[0], projected
+    places = _places(projected)
+    # Votes on the wrong side are two radii from the others.
+    reach = 2.0 * _AROUND * radius
+    spreads = [float(np.mean(_spread(votes[projected], votes[places], reach))) for votes in candidates]
+    return candidates[int(np.argmin(spreads))], projected
 
 
 def votes_agree(points: Array, votes: Array, projected: BoolArray, radius: float) -> bool:
@@ -92,7 +119,8 @@ def votes_agree(points: Array, votes: Array, projected: BoolArray, radius: float
 
     Normals of noise point anywhere: the votes of a strip whose depth is noise lie a radius above and below it, and
     look like two strands. How far neighbours are from the line through them tells the two apart: it shrinks to a
-    quarter on a clean surface, and stays as it is where the normals mean nothing.
+    quarter on a clean surface, and stays as it is where the normals mean nothing. The points of a narrow arc are near
+    a line themselves; votes that are as near to one, a radius away, are no chance either.
 
     Args:
         points: (M, 3) metres.
@@ -102,14 +130,21 @@ def votes_agree(points: Array, votes: Array, projected: BoolArray, radius: float
     index = np.flatnonzero(projected)
     if len(index) < _PATCH:
         return False
-    places = index[np.unique(np.linspace(0, len(index) - 1, _JUDGED).astype(np.intp))]
-    before, after = (_spread(cloud[index], cloud[places], radius) for cloud in (points, votes))
-    return float(np.median(after)) < _AGREE * float(np.median(before))
+    places = _places(projected)
+    before, after = (_spread(cloud[index], cloud[places], _AROUND * radius) for cloud in (points, votes))
+    return float(np.median(after)) < max(_AGREE * float(np.median(before)), _BUNCHED * radius)
 
 
-def _spread(points: Array, places: Array, radius: float) -> Array:
+def _places(projected: BoolArray) -> IntArray:
+    """Indices of some of the projected points, evenly over all of them."""
+    index = np.flatnonzero(projected)
+    places: IntArray = index[np.unique(np.linspace(0, len(index) - 1, _JUDGED).astype(np.intp))]
+    return places
+
+
+def _spread(points: Array, places: Array, reach: float) -> Array:
     """(P,) root mean square distance of the points around places from the line through them, metres."""
-    near = cKDTree(points).query(places, min(_COMPANY, len(points)), distance_upper_bound=_AROUND * radius)[1]
+    near = cKDTree(points).query(places, min(_COMPANY, len(points)), distance_upper_bound=reach)[1]
     inside = (near < len(points)).astype(float)
     around = points[np.minimum(near, len(points) - 1)] - places[:, None]
     total = inside.sum(axis=1)
@@ -117,7 +152,8 @@ def _spread(points: Array, places: Array, radius: float) -> Array:
     around -= mean[:, None]
     covariance = np.einsum("pk,pki,pkj->pij", inside, around, around) / total[:, None, None]
     values = np.linalg.eigvalsh(covariance)
-    return np.sqrt(np.maximum(values[:, 0] + values[:, 1], 0.0))
+    spread: Array = np.sqrt(np.maximum(values[:, 0] + values[:, 1], 0.0))
+    return spread
 
 
 def contract(votes: Array, projected: BoolArray, radius: float, per_radius: float) -> Nodes:

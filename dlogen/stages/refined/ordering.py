@@ -162,7 +162,7 @@ def order(
 
     tree = cKDTree(sample)
     spacing = scale.spacing / np.sqrt(thinned)
-    votes, projected = axis_votes(sample, tree, r, spacing)
+    votes, projected = axis_votes(sample, tree, r, spacing, None if viewpoint is None else viewpoint - origin)
     if projected.any() and not votes_agree(sample, votes, projected, r) and not _wrong_radius(points, radius):
         # A table or a ball is no strip either: what it is is said of the line through its votes.
         with contextlib.suppress(FitError):

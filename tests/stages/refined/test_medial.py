@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from partly_seen import arc, wave
 from scipy.spatial import cKDTree
 
 from dlogen.evaluation.shapes import random_centre_line
@@ -24,6 +25,7 @@ from dlogen.stages.refined.medial import (
     contract,
     recentre,
     squared_distances,
+    votes_agree,
 )
 
 Array = np.ndarray
@@ -75,6 +77,40 @@ class TestVotes:
         votes, projected = axis_votes(sparse.points, tree, sparse.radius, spacing(tree, sparse.points))
         assert not projected.any()
         assert np.array_equal(votes, sparse.points)
+
+
+class TestNarrowArcs:
+    """Less than half of a half is seen: centroids of the surroundings are as near to the surface as the noise is."""
+
+    @pytest.mark.parametrize("hanging", [False, True])
+    @pytest.mark.parametrize(("half", "noise"), [(30.0, 0.01), (30.0, 0.05), (45.0, 0.05), (55.0, 0.1)])
+    @pytest.mark.parametrize("seen_from", [None, [0.5, 0.0, 3.0]])
+    def test_no_vote_is_on_the_wrong_side(
+        self, half: float, noise: float, hanging: bool, seen_from: list[float] | None
+    ) -> None:
+        points = arc(0.01, half, 5000, noise * 0.01, 1, hanging)
+        tree, place = cKDTree(points), None if seen_from is None else np.array(seen_from)
+        votes, projected = axis_votes(points, tree, 0.01, spacing(tree, points), place)
+        line = wave()[:, [0, 2, 1]] if hanging else wave()
+        off = cKDTree(line).query(votes[projected])[0]
+        assert projected.mean() > 0.95
+        assert (off < 0.01).mean() > 0.998
+        assert votes_agree(points, votes, projected, 0.01)
+
+    def test_a_wrong_viewpoint_does_not_turn_a_tube_inside_out(self, tube: SyntheticCloud) -> None:
+        tree = cKDTree(tube.points)
+        near = spacing(tree, tube.points)
+        votes, _ = axis_votes(tube.points, tree, tube.radius, near)
+        again, _ = axis_votes(tube.points, tree, tube.radius, near, np.array([0.0, 0.0, 5.0]))
+        assert np.array_equal(again, votes)
+
+    def test_votes_of_noise_do_not_agree(self) -> None:
+        rng = np.random.default_rng(0)
+        strip = np.stack([rng.random(4000), rng.uniform(-0.01, 0.01, 4000), 0.01 * rng.normal(size=4000)], axis=1)
+        tree = cKDTree(strip)
+        votes, projected = axis_votes(strip, tree, 0.01, spacing(tree, strip))
+        assert projected.any()
+        assert not votes_agree(strip, votes, projected, 0.01)
 
 
 class TestContract:

@@ -45,6 +45,7 @@ class Setting:
         least, most: smallest and largest number allowed, or number of characters of a text.
         pattern: regular expression that a whole text has to match; its help says what that means.
         choices: the words that a "choice" can be.
+        words: that may stand in place of a number, besides "auto", and what each means.
         also: other spellings of the key that are accepted.
         sought: names under which people look for it; they are not accepted, but lead to a hint.
     """
@@ -58,6 +59,7 @@ class Setting:
     most: float | None = None
     pattern: str = ""
     choices: tuple[str, ...] = ()
+    words: tuple[tuple[str, str], ...] = ()
     also: tuple[str, ...] = ()
     sought: tuple[str, ...] = ()
 
@@ -80,6 +82,7 @@ class Setting:
             what += " " + " and ".join(limits)
         if self.unit:
             what += f" ({self.unit})"
+        what += "".join(f", {word} ({meaning})" for word, meaning in self.words)
         return f"{what}, or auto" if self.auto is not None else what
 
     def read(self, value: object) -> Any:
@@ -90,6 +93,8 @@ class Setting:
         """
         if self.auto is not None and isinstance(value, str) and value == AUTO:
             return AUTO
+        if isinstance(value, str) and any(value == word for word, _ in self.words):
+            return value
         if self.kind == "flag":
             return self._read_flag(value)
         if self.kind == "choice":
@@ -176,6 +181,13 @@ def number(
 def length(default: _Number, help: str, *, auto: str, sought: tuple[str, ...] = ()) -> _Number | float:
     """A length in metres, greater than 0. The arguments are the attributes of `Setting`."""
     return number(default, help, unit="m", auto=auto, above=0, sought=sought)
+
+
+def length_or(
+    default: _Word, help: str, *, auto: str, words: tuple[tuple[str, str], ...], sought: tuple[str, ...] = ()
+) -> _Word | float:
+    """A length in metres, greater than 0, or a word. The arguments are the attributes of `Setting`."""
+    return _declared(default, Setting("number", help, "m", auto, 0, words=words, sought=sought))
 
 
 def integer(

@@ -89,7 +89,7 @@ def _property(setting: Setting, default: object) -> dict[str, Any]:
     unit = f" Unit: {setting.unit}." if setting.unit else ""
     auto = f" auto: {setting.auto}." if setting.auto else ""
     if setting.auto and setting.kind != "choice":
-        allowed = {"anyOf": [{"const": AUTO}, allowed]}
+        allowed = {"anyOf": [{"const": AUTO}, *({"const": word} for word, _ in setting.words), allowed]}
     return {"description": f"{setting.help}{unit}{auto}", **allowed, "default": default}
 
 

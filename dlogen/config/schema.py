@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 from dlogen.config.base import Section
 from dlogen.config.defaults import R_PER_E_MAX
-from dlogen.config.fields import AUTO, Auto, choice, integer, length, number
+from dlogen.config.fields import AUTO, Auto, choice, integer, length, length_or, number
 from dlogen.config.keys import Keys
 from dlogen.config.problems import Problem, refuse, show
 from dlogen.config.rules import contradictions
@@ -102,6 +102,13 @@ class Config(Section):
         "Length of the object, where it is known: a fit says by how much it finds another one.",
         auto="not known",
         sought=("known_length", "total_length", "object_length", "L"),
+    )
+    bridge: float | Auto | str = length_or(
+        AUTO,
+        "Gaps up to this length are bridged, however large a share of the object they are: its pieces belong together.",
+        auto="gaps up to 15 % of the length, or those that make the line as long as `length` says",
+        words=(("all", "every gap"),),
+        sought=("gap", "max_gap", "gaps", "join", "longest_gap"),
     )
     mesh: Literal["auto", "sample", "vertices"] = choice(
         AUTO,

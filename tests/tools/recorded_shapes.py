@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
 import dlogen
@@ -26,11 +25,14 @@ from dlogen.errors import DlogenError
 from dlogen.evaluation.centre_line import CentreLine, from_points
 from dlogen.evaluation.synthetic import sample_tube
 from dlogen.geometry.mdtw import mdtw
-from dlogen.geometry.polyline import resample
+from dlogen.geometry.polyline import arc_lengths, resample
 from dlogen.types import Array
 
 #: Frames of each of the five cables, points and their noise (metres), and radii (metres).
 _FRAMES, _POINTS, _NOISE, _RADII = 9, 5000, 0.0003, (0.004, 0.008)
+
+#: No cable lies along markers whose line bends tighter than this, metres: they were mixed up.
+_BENDS = 0.016
 
 #: How a finding says that the line may be shorter than the object.
 _SHORT = {"end-not-seen", "end-cut-off", "gap", "left-over", "several-objects", "length-mismatch"}
@@ -46,7 +48,10 @@ class _PlainUnpickler(pickle.Unpickler):
 
 
 def recorded_frames(directory: str, cable: int, count: int) -> list[Array]:
-    """Places of the markers of a cable in some frames spread over its recordings: arrays (K, 3), metres."""
+    """Places of the markers of a cable in some frames spread over its recordings: arrays (K, 3), metres.
+
+    Frames in which markers were mixed up, so that no cable can lie along them, are passed over.
+    """
 
     def git(*arguments: str) -> bytes:
         return subprocess.run(["git", "-C", directory, *arguments], capture_output=True, check=True).stdout
@@ -55,17 +60,27 @@ def recorded_frames(directory: str, cable: int, count: int) -> list[Array]:
     names = sorted(name for name in names if name.endswith(".pkl"))
     frames = []
     for k in range(count):
-        name = names[(k * len(names)) // count]
-        recording = np.asarray(_PlainUnpickler(io.BytesIO(git("show", f"HEAD:{name}"))).load(), dtype=float)
-        frames.append(recording[(37 + 97 * k) % len(recording)].T)
+        # Where markers were mixed up they are so in most of a recording: the next one is taken.
+        for name in names[(k * len(names)) // count :]:
+            recording = np.asarray(_PlainUnpickler(io.BytesIO(git("show", f"HEAD:{name}"))).load(), dtype=float)
+            markers = recording[(37 + 97 * k) % len(recording)].T
+            if tightest_bend(markers) > _BENDS:
+                frames.append(markers)
+                break
     return frames
+
+
+def tightest_bend(markers: Array) -> float:
+    """Smallest radius of curvature of the line through markers (K, 3), metres."""
+    points = through_markers(markers).points(1000)
+    along = arc_lengths(points)
+    tangents = np.gradient(points, along, axis=0)
+    return 1.0 / float(np.linalg.norm(np.gradient(tangents, along, axis=0), axis=1).max())
 
 
 def through_markers(markers: Array) -> CentreLine:
     """A smooth line through markers (K, 3)."""
-    steps = np.linalg.norm(np.diff(markers, axis=0), axis=1)
-    along = np.append(0.0, np.cumsum(steps))
-    return from_points(CubicSpline(along, markers)(np.linspace(0.0, along[-1], 2000)))
+    return from_points(markers)
 
 
 def visible(points: Array, axis: Array, radius: float, view: Array) -> Array:
@@ -89,7 +104,20 @@ class Case:
     hidden: float
 
 
-def cases(directory: str, view: Array, pixels: bool) -> list[Case]:
+def cut(points: Array, line: CentreLine, view: Array, kind: int, rng: np.random.Generator) -> Array:
+    """Which points remain when the image ends before an end of the line (0), or a strip hides a stretch (1, 2)."""
+    across = np.linalg.svd(view[None])[2][1:]
+    last = bool(rng.random() < 0.5)
+    at, width = ((rng.uniform(0.05, 0.3), np.inf), (rng.uniform(0.1, 0.2), 0.06), (0.5, rng.uniform(0.1, 0.3)))[kind]
+    at = 1.0 - at if last else at
+    tangent = across @ line.tangents(np.array([at]))[0] * (1.0 if last else -1.0)
+    turn = rng.uniform(-0.8, 0.8)
+    normal = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ tangent
+    beyond = ((points - line(np.array([at]))) @ across.T) @ (normal / np.linalg.norm(normal))
+    return (beyond < -0.5 * width) | (beyond > 0.5 * width) if np.isfinite(width) else beyond < 0.0
+
+
+def cases(directory: str, view: Array, pixels: bool, cuts: bool) -> list[Case]:
     """The skinned shapes; with `pixels`, points are as dense in the view as pixels are, not on the surface."""
     view = view / np.linalg.norm(view)
     result = []
@@ -103,6 +131,8 @@ def cases(directory: str, view: Array, pixels: bool) -> list[Case]:
             kept = visible(cloud.points, axis, radius, view)
             if pixels:
                 kept &= -cloud.normals @ view > rng.random(len(kept))
+            if cuts:
+                kept &= cut(cloud.points, line, view, k % 3, rng)
             s = cloud.s[kept]
             counts = np.bincount((s * 200).astype(int).clip(0, 199), minlength=200)
             seen = np.flatnonzero(counts >= 3)
@@ -155,13 +185,14 @@ def main() -> None:
     parser.add_argument("--view", action="append", help="direction in which the viewer looks, X,Y,Z")
     parser.add_argument("--known", action="store_true", help="tell the fit where the viewer is")
     parser.add_argument("--pixels", action="store_true", help="points as dense in the view as pixels are")
+    parser.add_argument("--cuts", action="store_true", help="cut off an end, or hide a stretch")
     parser.add_argument("--given", action="store_true", help="give the radius")
     parser.add_argument("--all", action="store_true", help="print those that are right, too")
     options = parser.parse_args()
     for text in options.view or ["0.3,0.8,-0.5"]:
         view = np.array([float(number) for number in text.split(",")])
         counts: Counter[tuple[str, str]] = Counter()
-        for case in cases(options.directory, view, options.pixels):
+        for case in cases(options.directory, view, options.pixels, options.cuts):
             how, verdict, words = judge(case, options.known, {"r": case.radius} if options.given else {})
             counts[how, verdict] += 1
             if options.all or how != "right":

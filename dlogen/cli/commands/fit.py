@@ -40,6 +40,11 @@ _EXAMPLES = """Examples:
     help="Axes of the output: as in the cloud, or from a camera's optical frame to that of ROS.",
 )
 @click.option("--length", type=float, metavar="METRES", help="Known length of the object; short for --set length=...")
+@click.option(
+    "--bridge",
+    metavar="METRES|all",
+    help="Bridge gaps up to this length, or all: the pieces belong together; short for --set bridge=...",
+)
 @click.option("-o", "--output", "folder", metavar="DIR", default=".", help="Folder for the outputs.  [default: .]")
 @format_option("urdf,json")
 @click.option("--reference", metavar="CURVE", help="Known centre line, in the frame of the output.")
@@ -54,6 +59,7 @@ def command(
     overrides: tuple[str, ...],
     convention: str | None,
     length: float | None,
+    bridge: str | None,
     folder: str,
     formats: str,
     reference: str | None,
@@ -75,6 +81,7 @@ def command(
 
     flags = [] if convention is None else [f"frame.convention={convention}"]
     flags += [] if length is None else [f"length={length!r}"]
+    flags += [] if bridge is None else [f"bridge={bridge}"]
     config = load_config(config_path, [*overrides, *flags])
     outputs = Outputs.parse(formats, plot)
     stem = "cloud" if cloud == "-" else Path(cloud).stem

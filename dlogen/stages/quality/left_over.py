@@ -23,6 +23,10 @@ _AWAY, _TOGETHER = 3.0, 1.5
 #: A group is something if it is so many radii long, and its points are this share of as dense as those of the line.
 _LONG, _DENSE = 4.0, 0.3
 
+#: A strand that is seen along its length shows fewer points, but no wider apart than so many times those of the line;
+#: its spread across its length is below so many radii.
+_SPACED, _THIN = 2.0, 1.0
+
 
 def check_left_over(points: Array, line: Skeleton, radius: float, scatter: float = 0.0) -> list[Finding]:
     """The largest group of points that the line leaves out, if there is one.
@@ -48,8 +52,19 @@ def check_left_over(points: Array, line: Skeleton, radius: float, scatter: float
     largest = int(np.argmax(np.bincount(groups)))
     group = away[groups == largest]
     extent = float(np.linalg.norm(np.ptp(group, axis=0)))
-    if extent < _LONG * radius or len(group) < max(10.0, _DENSE * per_radius * extent / radius):
+    if extent < _LONG * radius or len(group) < 10:
+        return []
+    if len(group) < _DENSE * per_radius * extent / radius and not _is_strand(group, some[distance <= reach], radius):
         return []
     share = 100.0 * len(group) / len(some)
     message = f"{share:.2g} % of the points lie together {millimetres(extent)} wide, and the line does not reach them"
     return [LEFT_OVER.found(message, position=as_place(group.mean(axis=0)))]
+
+
+def _is_strand(group: Array, line: Array, radius: float) -> bool:
+    """Whether points (K, 3) lie along a line, about as close together as those of the object (M, 3)."""
+    spread = np.linalg.svd(group - group.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(group))
+    if spread > _THIN * radius or len(line) < 4:
+        return False
+    among, usual = (float(np.median(cKDTree(points).query(points, 4)[0][:, -1])) for points in (group, line))
+    return among < _SPACED * usual

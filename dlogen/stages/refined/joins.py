@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dlogen.stages.refined.bridging import Bridging
 from dlogen.stages.refined.piece import Piece, parabola
 from dlogen.types import Array
 
 #: A join that bends tighter than this, in radii, is none.
 _TIGHTEST_BEND = 1.0
 
-#: A gap longer than this share of everything that was seen is not bridged.
-_LONGEST_GAP = 0.15
+#: A gap longer than this share of everything that was seen is not bridged, unless that was asked for; then it is one
+#: between pieces of so many radii at least, for shorter ones may be strays.
+_LONGEST_GAP, _NO_STRAYS = 0.15, 4.0
+
+#: How many ways to join the same pieces are tried when the length is known.
+_WAYS = 20
 
 #: Nor is one longer than this, in radii, whose bridge would turn by more than this, in radians.
 _BLIND = 8.0
@@ -44,18 +50,55 @@ class Join:
     margin: float
 
 
-def join_pieces(pieces: list[Piece], radius: float) -> list[Join]:
+_Chosen = list[tuple[int, int]]
+
+
+def join_pieces(pieces: list[Piece], radius: float, bridging: Bridging | None = None) -> list[Join]:
     """Join the ends of pieces so that the total cost is small: cheapest joins first, then exchanges.
 
     No join closes a ring. Ends that nothing fits stay free.
+
+    Args:
+        pieces: in any order and direction.
+        radius: of the tube, metres.
+        bridging: which gaps belong to the object, as far as its user says so.
     """
+    cost = _costs(pieces, radius, bridging or Bridging())
+    return _as_joins(pieces, _cheapest(pieces, radius, cost), cost)
+
+
+def ways_to_join(pieces: list[Piece], radius: float, bridging: Bridging) -> Iterator[list[Join]]:
+    """Ways to join the same pieces, from the likeliest on.
+
+    The first is that of `join_pieces`, the second bridges all gaps; those that follow differ from these by one join.
+    """
+    sure = _costs(pieces, radius, bridging)
+    chosen = _cheapest(pieces, radius, sure)
+    yield _as_joins(pieces, chosen, sure)
+    cost = _costs(pieces, radius, replace(bridging, longest=np.inf))
+    all_gaps = _cheapest(pieces, radius, cost)
+    yield _as_joins(pieces, all_gaps, cost)
+    others = [way for start in (chosen, all_gaps) for n in range(len(start)) for way in _alternatives(start, n, cost)]
+    for _, way in sorted(others, key=lambda option: option[0])[:_WAYS]:
+        yield _as_joins(pieces, way, cost)
+
+
+def _costs(pieces: list[Piece], radius: float, bridging: Bridging) -> Array:
+    """What it costs to join each end to each other one; infinite where that is no join."""
     total = sum(piece.length for piece in pieces)
     cost = np.full((2 * len(pieces), 2 * len(pieces)), np.inf)
     anchors = [_anchor(pieces[end // 2], end % 2, radius) for end in range(2 * len(pieces))]
     for a in range(len(cost)):
         for b in range(a + 1, len(cost)):
-            if a // 2 != b // 2 and _gap(pieces, a, b) < _LONGEST_GAP * total:
-                cost[a, b] = cost[b, a] = bending_cost(*anchors[a], *anchors[b], radius)
+            gap, shorter = _gap(pieces, a, b), min(pieces[a // 2].length, pieces[b // 2].length)
+            asked = gap <= bridging.reach and shorter >= _NO_STRAYS * radius
+            if a // 2 != b // 2 and (asked or gap < _LONGEST_GAP * total):
+                cost[a, b] = cost[b, a] = bending_cost(*anchors[a], *anchors[b], radius, asked=asked)
+    return cost
+
+
+def _cheapest(pieces: list[Piece], radius: float, cost: Array) -> _Chosen:
+    """The joins of least cost, as far as single exchanges lead."""
     worth = np.array([min(piece.length / (_LONG * radius), 1.0) for piece in pieces])
     chosen: list[tuple[int, int]] = []
     for flat in np.argsort(cost, axis=None, kind="stable"):
@@ -72,6 +115,10 @@ def join_pieces(pieces: list[Piece], radius: float) -> list[Join]:
         if gain > -1e-9:
             break
         chosen = better
+    return chosen
+
+
+def _as_joins(pieces: list[Piece], chosen: _Chosen, cost: Array) -> list[Join]:
     joins = []
     for number, (a, b) in enumerate(chosen):
         margin = min((more for more, _ in _alternatives(chosen, number, cost)), default=np.inf)
@@ -97,7 +144,9 @@ def _anchor(piece: Piece, last: int, radius: float) -> tuple[Array, Array]:
     return parabola(points, 1.5 * radius, radius)
 
 
-def bending_cost(a: Array, heading_a: Array, b: Array, heading_b: Array, radius: float) -> float:
+def bending_cost(
+    a: Array, heading_a: Array, b: Array, heading_b: Array, radius: float, *, asked: bool = False
+) -> float:
     """Bending energy, times the radius, of the thin beam between two ends, plus a little for its turn and its length.
 
     A beam of length L that leaves its chord by the small angles alpha at one end and beta at the other has the energy
@@ -108,6 +157,7 @@ def bending_cost(a: Array, heading_a: Array, b: Array, heading_b: Array, radius:
         a, b: (3,) the ends, metres.
         heading_a, heading_b: (3,) unit directions out of either piece.
         radius: of the tube, metres.
+        asked: whether the user says that such gaps belong to the object, however far it turns there.
     """
     chord = b - a
     length = max(float(np.linalg.norm(chord)), radius)
@@ -117,7 +167,7 @@ def bending_cost(a: Array, heading_a: Array, b: Array, heading_b: Array, radius:
     if tightest * _TIGHTEST_BEND * radius > 1.0:
         return np.inf
     turn = 2.0 * max(float(alpha @ alpha + alpha @ beta + beta @ beta), 0.0) ** 0.5
-    if length > _BLIND * radius and turn > _BLIND_TURN:
+    if not asked and length > _BLIND * radius and turn > _BLIND_TURN:
         return np.inf
     return float(turn**2 * radius / length + 0.05 * turn**2 + 0.02 * length / radius)
 

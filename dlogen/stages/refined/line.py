@@ -29,6 +29,7 @@ from dlogen.stages.quality.findings import CLOSED_RING, RADIUS_UNKNOWN, SIDE_BY_
 from dlogen.stages.quality.left_over import check_left_over
 from dlogen.stages.quality.ripples import check_ripples
 from dlogen.stages.quality.roundness import check_roundness
+from dlogen.stages.refined.bridging import Bridging
 from dlogen.stages.refined.caps import on_faces
 from dlogen.stages.refined.collars import about_collars, find_collars
 from dlogen.stages.refined.fit_findings import fit_findings
@@ -92,21 +93,24 @@ def _tube_line(cloud: Cloud, known: float | None, config: Config, clock: Clock) 
         scale = estimate_scale(points, radius=known)
 
     with clock.stage("ordering"):
-        cloud, ordering = without_veil(cloud, known, order(points, known, scale, cloud.viewpoint))
+        bridging = Bridging.of(config)
+        first = order(points, known, scale, cloud.viewpoint, bridging)
+        cloud, ordering = without_veil(cloud, known, first, bridging)
         points = cloud.points
         if cloud.viewpoint is not None and not ordering.noisy and any(item.is_bad for item in ordering.findings):
             # Strands that meet are told apart by their edges in the view where noise mixes up their surfaces.
-            seen = order_strip(points, scale, known, cloud.viewpoint)
+            seen = order_strip(points, scale, known, cloud.viewpoint, bridging)
             if sum(item.is_bad for item in seen.findings) < sum(item.is_bad for item in ordering.findings):
                 ordering = seen
 
     with clock.stage("refine"):
         fitted = _fitted(cloud, ordering, known)
     if isinstance(fitted, _Surface):
-        line = _of_surface(points, fitted, config)
+        line, gaps = _of_surface(points, fitted, config), fitted.fit.gaps
     else:
-        line = _of_strand(points, ordering, *fitted, config)
-    return replace(line, findings=(*on_bed, *line.findings))
+        line, gaps = _of_strand(points, ordering, *fitted, config), fitted[0].gaps
+    findings = bridging.about_gaps(line.findings, gaps, line.skeleton.length)
+    return replace(line, findings=(*on_bed, *findings))
 
 
 def _off_its_bed(cloud: Cloud) -> tuple[Cloud, list[Finding]]:

@@ -32,7 +32,8 @@ from dlogen.stages.quality.findings import (
 )
 from dlogen.stages.refined.beads import string_beads
 from dlogen.stages.refined.branches import cut_at_junctions, trace_pieces
-from dlogen.stages.refined.joins import Join, bending_cost, bridge, chains, join_pieces
+from dlogen.stages.refined.bridging import Bridging
+from dlogen.stages.refined.joins import Join, bending_cost, bridge, chains, ways_to_join
 from dlogen.stages.refined.medial import axis_votes, contract, recentre, votes_agree
 from dlogen.stages.refined.piece import Piece, end_direction, parabola
 from dlogen.stages.scale import Scale, estimate_scale
@@ -111,7 +112,11 @@ class Ordering:
 
 
 def order(
-    points: Array, radius: float | None = None, scale: Scale | None = None, viewpoint: Array | None = None
+    points: Array,
+    radius: float | None = None,
+    scale: Scale | None = None,
+    viewpoint: Array | None = None,
+    bridging: Bridging | None = None,
 ) -> Ordering:
     """Find the centre line of a cloud, roughly, and its order.
 
@@ -120,6 +125,7 @@ def order(
         radius: of the tube, metres; None takes the estimate of `scale`.
         scale: what `estimate_scale` gave for these points; None makes it here.
         viewpoint: (3,) where the points were seen from, if that is known, metres.
+        bridging: which gaps belong to the object, as far as its user says so.
 
     Returns:
         The backbone with findings: "branch", "closed-ring", "several-objects", "not-a-line" (all bad), "gap",
@@ -135,7 +141,7 @@ def order(
     r = radius or scale.radius
     # A wire thinner than the noise; a bundle of strands is as thick, but its surfaces are thin.
     if radius is not None and scale.half_width > _HIDDEN * radius and scale.thickness > _THICK * radius:
-        return order_strip(points, estimate_scale(points), None, viewpoint)
+        return order_strip(points, estimate_scale(points), None, viewpoint, bridging)
     # Where strands lie close together, no neighbourhood is longer than wide; with a known radius that does not matter.
     if radius is None and (scale.line_share < 0.2 or not np.isfinite(scale.per_radius)):
         raise FitError(
@@ -166,7 +172,7 @@ def order(
     if projected.any() and not votes_agree(sample, votes, projected, r) and not _wrong_radius(points, radius):
         # A table or a ball is no strip either: what it is is said of the line through its votes.
         with contextlib.suppress(FitError):
-            return order_strip(points, scale, radius, viewpoint)
+            return order_strip(points, scale, radius, viewpoint, bridging)
     return _traced(
         sample,
         votes,
@@ -178,6 +184,7 @@ def order(
         radius is not None or scale.radius_reliable,
         False,
         lambda place: place + origin,
+        bridging or Bridging(),
     )
 
 
@@ -192,24 +199,37 @@ def _wrong_radius(points: Array, radius: float | None) -> bool:
     return bool(projected.any()) and votes_agree(sample, votes, projected, scale.radius)
 
 
-def order_strip(points: Array, scale: Scale, radius: float | None, viewpoint: Array | None) -> Ordering:
+def order_strip(
+    points: Array,
+    scale: Scale,
+    radius: float | None,
+    viewpoint: Array | None,
+    bridging: Bridging | None = None,
+) -> Ordering:
     """The order of a cloud whose depth is noise: found where its edges are sharp, in the view.
 
     Args:
-        points, scale, radius, viewpoint: as in `order`.
+        points, scale, radius, viewpoint, bridging: as in `order`.
     """
     view = None if viewpoint is None else FlatView.of(points, viewpoint, None)
     half_width = scale.half_width if np.isfinite(scale.half_width) else (radius or scale.radius)
     if view is None:
-        rough = _order_noise(points, scale, half_width, radius is None, None)
+        rough = _order_noise(points, scale, half_width, radius is None, None, bridging)
         direction, ratio = thin_direction(points - points.mean(axis=0), rough.backbone - points.mean(axis=0))
         if ratio < ONE_SIDED:
             return rough
         view = FlatView.of(points, None, direction)
-    return _order_noise(points, scale, half_width, radius is None, view)
+    return _order_noise(points, scale, half_width, radius is None, view, bridging)
 
 
-def _order_noise(points: Array, scale: Scale, half_width: float, estimated: bool, view: FlatView | None) -> Ordering:
+def _order_noise(
+    points: Array,
+    scale: Scale,
+    half_width: float,
+    estimated: bool,
+    view: FlatView | None,
+    bridging: Bridging | None,
+) -> Ordering:
     """The order of points without normals, of a strip so wide."""
     r = (_STRIP if view is None else _FLAT_STRIP) * half_width
     per_radius = scale.per_radius * r / scale.radius
@@ -225,7 +245,19 @@ def _order_noise(points: Array, scale: Scale, half_width: float, estimated: bool
 
     nothing = np.zeros(len(sample), dtype=bool)
     return replace(
-        _traced(sample, sample, nothing, r, per_radius, scale, estimated, False, view is not None, place),
+        _traced(
+            sample,
+            sample,
+            nothing,
+            r,
+            per_radius,
+            scale,
+            estimated,
+            False,
+            view is not None,
+            place,
+            bridging or Bridging(),
+        ),
         noisy=True,
         half_width=half_width,
     )
@@ -242,6 +274,7 @@ def _traced(
     centred: bool,
     in_view: bool,
     place: Callable[[Array], Array],
+    bridging: Bridging,
 ) -> Ordering:
     """The order of a sample; `place` brings places in it to those of the cloud."""
     tree = cKDTree(sample)
@@ -256,9 +289,14 @@ def _traced(
     if centred:
         found = [replace(piece, points=recentre(piece.points, sample, tree, r, per_radius)) for piece in found]
     pieces = cut_at_junctions(found, r, crossings=in_view)
-    joins = join_pieces(pieces, r)
-    lines = [_Line.of(pieces, *chain, r) for chain in chains(len(pieces), joins)]
-    longest = max(lines, key=lambda candidate: candidate.length)
+    lines = bridging.best(
+        (
+            [_Line.of(pieces, *chain, r) for chain in chains(len(pieces), way)]
+            for way in ways_to_join(pieces, r, bridging)
+        ),
+        lambda way: float(arc_lengths(place(_longest(way).points))[-1]),
+    )
+    longest = _longest(lines)
     others = [other for other in lines if other is not longest]
     line = longest.canonical()
     near = _around(sample[:: -(-len(sample) // _LOOKED_AT)], line.points, r, scale.noise)
@@ -350,6 +388,10 @@ class _Line:
             self.path[::-1],
             self.length,
         )
+
+
+def _longest(lines: list[_Line]) -> _Line:
+    return max(lines, key=lambda candidate: candidate.length)
 
 
 def _around(points: Array, line: Array, r: float, noise: float) -> BoolArray:

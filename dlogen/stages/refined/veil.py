@@ -16,6 +16,7 @@ from dlogen.geometry.eigen3 import eigenvalues
 from dlogen.geometry.polyline import arc_lengths
 from dlogen.geometry.sampling import spatial_sample
 from dlogen.stages.quality.findings import STRAY_POINTS
+from dlogen.stages.refined.bridging import Bridging
 from dlogen.stages.refined.ordering import Ordering, order
 from dlogen.stages.scale import estimate_scale
 from dlogen.types import Array, BoolArray, Cloud, Finding
@@ -73,13 +74,16 @@ def _is_spread(points: Array, radius: float) -> BoolArray:
     return spread
 
 
-def without_veil(cloud: Cloud, known: float | None, ordering: Ordering) -> tuple[Cloud, Ordering]:
+def without_veil(
+    cloud: Cloud, known: float | None, ordering: Ordering, bridging: Bridging | None = None
+) -> tuple[Cloud, Ordering]:
     """The cloud and its order without a veil, if it has one that matters; otherwise as they are.
 
     Args:
         cloud: near the origin, metres.
         known: the radius, if one was given, metres.
         ordering: of the whole cloud.
+        bridging: which gaps belong to the object, as far as its user says so.
     """
     bad = sum(item.is_bad for item in ordering.findings)
     if not bad and not any(STRAY_POINTS.matches(item) for item in ordering.findings):
@@ -90,7 +94,7 @@ def without_veil(cloud: Cloud, known: float | None, ordering: Ordering) -> tuple
         return cloud, ordering
     rest = cloud.points[~out]
     try:
-        again = order(rest, known, estimate_scale(rest, radius=known), cloud.viewpoint)
+        again = order(rest, known, estimate_scale(rest, radius=known), cloud.viewpoint, bridging)
     except FitError:
         return cloud, ordering
     still = sum(item.is_bad for item in again.findings)

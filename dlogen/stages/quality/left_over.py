@@ -27,6 +27,9 @@ _LONG, _DENSE = 4.0, 0.3
 #: its spread across its length is below so many radii.
 _SPACED, _THIN = 2.0, 1.0
 
+#: A short piece of it is something if it is so many radii long, has so many points, no wider apart than that.
+_SHORT, _SHORT_POINTS, _SHORT_SPACED = 2.0, 25, 1.3
+
 
 def check_left_over(points: Array, line: Skeleton, radius: float, scatter: float = 0.0) -> list[Finding]:
     """The largest group of points that the line leaves out, if there is one.
@@ -52,19 +55,20 @@ def check_left_over(points: Array, line: Skeleton, radius: float, scatter: float
     largest = int(np.argmax(np.bincount(groups)))
     group = away[groups == largest]
     extent = float(np.linalg.norm(np.ptp(group, axis=0)))
-    if extent < _LONG * radius or len(group) < 10:
-        return []
-    if len(group) < _DENSE * per_radius * extent / radius and not _is_strand(group, some[distance <= reach], radius):
+    dense = extent >= _LONG * radius and len(group) >= max(10.0, _DENSE * per_radius * extent / radius)
+    if not dense and not _is_strand(group, extent, some[distance <= reach], radius):
         return []
     share = 100.0 * len(group) / len(some)
     message = f"{share:.2g} % of the points lie together {millimetres(extent)} wide, and the line does not reach them"
     return [LEFT_OVER.found(message, position=as_place(group.mean(axis=0)))]
 
 
-def _is_strand(group: Array, line: Array, radius: float) -> bool:
-    """Whether points (K, 3) lie along a line, about as close together as those of the object (M, 3)."""
+def _is_strand(group: Array, extent: float, line: Array, radius: float) -> bool:
+    """Whether points (K, 3) lie along a line `extent` long, about as close together as those of the object (M, 3)."""
     spread = np.linalg.svd(group - group.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(group))
     if spread > _THIN * radius or len(line) < 4:
         return False
     among, usual = (float(np.median(cKDTree(points).query(points, 4)[0][:, -1])) for points in (group, line))
-    return among < _SPACED * usual
+    if extent >= _LONG * radius:
+        return among < _SPACED * usual
+    return extent >= _SHORT * radius and len(group) >= _SHORT_POINTS and among < _SHORT_SPACED * usual

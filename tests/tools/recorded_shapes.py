@@ -136,7 +136,7 @@ def cases(directory: str, view: Array, pixels: bool, cuts: bool) -> list[Case]:
             s = cloud.s[kept]
             counts = np.bincount((s * 200).astype(int).clip(0, 199), minlength=200)
             seen = np.flatnonzero(counts >= 3)
-            ends = (float(seen[0]) / 200.0, (float(seen[-1]) + 1.0) / 200.0)
+            ends = (float(np.partition(s, 1)[1]), float(np.partition(s, -2)[-2]))
             hidden = float(np.mean(counts[seen[0] : seen[-1] + 1] < 3))
             result.append(Case(f"DLO{cable}/{k}", cloud.points[kept], axis, radius, view, ends, hidden))
     return result

@@ -186,7 +186,7 @@ GAP = _kind(
     ("note", "doubtful", "bad"),
     "A stretch without points, or a bend with hardly any, was bridged: the line is a guess there.",
     "See whether the line takes the right way there (--plot). If not, capture what is hidden, or make a cloud of "
-    "several views.",
+    "several views. If so, give bridge (or length), and the gap is a note.",
 )
 CROSSING = _kind(
     "crossing",
@@ -216,6 +216,14 @@ END_CUT_OFF = _kind(
     "An end is not square, as where the view or a crop cuts through an object: it may go on there. It is a note where "
     "one side was seen less far than the other, whose edge is square.",
     "Nothing if it is a note. Otherwise capture all of the object, or crop it squarely where the chain is to end.",
+)
+END_NOT_SEEN = _kind(
+    "end-not-seen",
+    ("note", "doubtful"),
+    "The cloud was seen from one side, and the object may go on beyond an end: along the view, behind another strand, "
+    "or outside of the image. The length is a lower bound.",
+    "Capture the end from another side, or all of it. If the length of the object is known, give length: where the line "
+    "is as long, this is a note.",
 )
 CURVATURE_UNCERTAIN = _kind(
     "curvature-uncertain",

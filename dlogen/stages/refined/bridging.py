@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from dlogen.config.fields import AUTO, given
 from dlogen.config.schema import Config
-from dlogen.stages.quality.findings import GAP
+from dlogen.stages.quality.findings import END_NOT_SEEN, GAP
 from dlogen.types import Finding
 
 _Way = TypeVar("_Way")
@@ -65,20 +65,21 @@ class Bridging:
         """Whether the object is known to be so long, metres."""
         return self.length is not None and abs(length - self.length) <= _FITS * self.length
 
-    def about_gaps(
-        self, findings: Sequence[Finding], gaps: Sequence[tuple[float, float]], length: float
-    ) -> list[Finding]:
-        """Findings in which the gaps that were to be bridged, or make the line as long as it should be, are notes.
+    def about(self, findings: Sequence[Finding], gaps: Sequence[tuple[float, float]], length: float) -> list[Finding]:
+        """Findings in which gaps that were to be bridged are notes, and so are all gaps and ends if the length fits.
 
         Args:
             findings: about a line.
             gaps: (s0, s1) of its stretches without points.
             length: of the line, metres.
         """
-        reach = float("inf") if self.fits(length) else self.reach
-        asked = [(low, high) for low, high in gaps if (high - low) * length <= reach]
+        fits = self.fits(length)
+        asked = [(low, high) for low, high in gaps if fits or (high - low) * length <= self.reach]
         return [
-            replace(item, severity="note") if GAP.matches(item) and _is_in(item, asked) else item for item in findings
+            replace(item, severity="note")
+            if (GAP.matches(item) and _is_in(item, asked)) or (END_NOT_SEEN.matches(item) and fits)
+            else item
+            for item in findings
         ]
 
 

@@ -26,6 +26,7 @@ from dlogen.stages.quality.contacts import check_contacts
 from dlogen.stages.quality.cross_section import check_cross_section
 from dlogen.stages.quality.cut_ends import cut_ends
 from dlogen.stages.quality.findings import CLOSED_RING, RADIUS_UNKNOWN, SIDE_BY_SIDE, STRAY_POINTS
+from dlogen.stages.quality.hidden_ends import ends_not_seen
 from dlogen.stages.quality.left_over import check_left_over
 from dlogen.stages.quality.ripples import check_ripples
 from dlogen.stages.quality.roundness import check_roundness
@@ -109,7 +110,8 @@ def _tube_line(cloud: Cloud, known: float | None, config: Config, clock: Clock) 
         line, gaps = _of_surface(points, fitted, config), fitted.fit.gaps
     else:
         line, gaps = _of_strand(points, ordering, *fitted, config), fitted[0].gaps
-    findings = bridging.about_gaps(line.findings, gaps, line.skeleton.length)
+    unseen = ends_not_seen(points, line.on_tube, line.skeleton, line.radius, cloud.viewpoint)
+    findings = bridging.about([*line.findings, *unseen], gaps, line.skeleton.length)
     return replace(line, findings=(*on_bed, *findings))
 
 

@@ -100,12 +100,12 @@ def _view(offset: Array, nearest: IntArray, tangents: Array, radius: float) -> A
         tangents: (K, 3) there.
         radius: metres.
     """
-    tangent = tangents[nearest]
-    offset = offset - dots(offset, tangent)[:, None] * tangent
+    along = tangents[nearest]
+    offset = offset - dots(offset, along)[:, None] * along
     count = np.bincount(nearest, minlength=len(tangents))
-    mean = np.stack([np.bincount(nearest, column, len(tangents)) for column in offset.T], axis=1)
+    sums = np.stack([np.bincount(nearest, column, len(tangents)) for column in offset.T], axis=1)
     seen = count >= 3
-    mean, tangent = mean[seen] / count[seen, None], tangents[seen]
+    mean, tangent = sums[seen] / count[seen, None], tangents[seen]
     across = np.eye(3) * len(mean) - tangent.T @ tangent
     direction = -unit(np.linalg.solve(across + 1e-6 * len(mean) * np.eye(3), mean.sum(axis=0)))
     expected = direction - (tangent @ direction)[:, None] * tangent
@@ -127,7 +127,7 @@ def _turned_away(end: _End, ray: Array, counts: IntArray) -> tuple[str, Severity
 
 
 def _behind(end: _End, ray: Array, places: Array, radius: float) -> tuple[str, Severity] | None:
-    """Whether what would follow beyond an end is behind another strand; `places`: (K, 3) from this end, a radius apart."""
+    """Whether what would follow beyond an end is behind another strand; `places`: (K, 3) from this end on."""
     others = places[round(_ELSEWHERE) :] - end.tip
     others = others[others @ ray < -_NEARER * radius]
     if not len(others):

@@ -17,6 +17,10 @@ from dlogen.types import Skeleton
 #: Noise over radius from which on a surface is doubted, and beyond which it is none.
 DOUBTED, _HIDDEN = 0.04, 0.35
 
+#: Where neighbours share no noise, less than so many points being worth one, a tube does not follow it: it is doubted
+#: from more noise on.
+_INDEPENDENT, _DOUBTED_THEN = 1.5, 0.1
+
 #: A tube that bends so tightly, curvature times radius, follows noise: cables break before.
 _TIGHT = 0.6
 
@@ -32,7 +36,8 @@ _PLACES, _ENDS = 500, 20
 
 def is_doubted(fit: Refined) -> bool:
     """Whether the noise of a tube is so large that the strip has to be looked at, too."""
-    return fit.noise > DOUBTED * fit.radius or fit.max_curvature * fit.radius > _TIGHT
+    doubted = _DOUBTED_THEN if fit.shared < _INDEPENDENT else DOUBTED
+    return fit.noise > doubted * fit.radius or fit.max_curvature * fit.radius > _TIGHT
 
 
 def shows_surface(fit: Refined, strip: StrandFit) -> bool:

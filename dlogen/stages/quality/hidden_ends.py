@@ -23,7 +23,7 @@ _ONE_SIDED = 0.4
 
 #: Cosine of the angle to the view from which on a strand runs along it; an end is so many radii long there, and its
 #: density over the usual one is below the first number where hardly any of it shows, and below the other to be noted.
-_ALONG, _END, _HARDLY, _SPARSE = 0.85, 4.0, 0.25, 0.45
+_ALONG, _END, _HARDLY, _SPARSE = 0.85, 4.0, 0.3, 0.45
 
 #: Radii along the line from which on a place belongs to another strand; how much nearer that is to the viewer; and how
 #: near, in the view, its axis comes to an end and to what would follow `_BEYOND` radii farther on.

@@ -30,6 +30,8 @@ _PER_RADIUS = 30.0
 _ENOUGH = 50
 #: Patches that tell how thick the surface is, and the points of each.
 _PATCHES, _PATCH = 240, 10
+#: Points whose patches are thinner than this, in spacings, lie on a line.
+_FLAT = 0.05
 #: Radii that are tried with normals: from so many spacings on, growing by this factor.
 _RESOLVED, _GROWTH = 2.0, 1.3
 #: What the circles must keep then: share of the places, noise and spread of the radii, relative to the radius.
@@ -125,6 +127,9 @@ def _from_neighbourhoods(points: Array, radius: float | None) -> Scale:
         fit = cross_sections(tree, thinned, found, guess)
     good = fit.good
     per_radius = float(np.median(fit.per_length)) * guess * len(points) / len(thinned)
+    if radius is not None and not per_radius > 0.0 and thick > _FLAT * spacing:
+        # No cross-section was found where strands lie close together; the points have a width all the same.
+        per_radius = _expected_per_radius(radius, spacing)
     if good.sum() < max(3, 0.2 * len(good)):
         if radius is not None:
             per_radius = _expected_per_radius(radius, spacing)

@@ -105,6 +105,10 @@ def strand_findings(fit: StrandFit, ordering: Ordering, known: float | None, sid
     findings.append(NOISE.found(f"the points scatter by {millimetres(fit.noise)} along the view", "note"))
     if not side:
         findings.append(SIDE_UNKNOWN.found("seen from one side, and the points do not tell from which"))
+        message = (
+            "no cross-section is that of one round object: this is a strip seen from one side, or strands lie side "
+        )
+        findings.append(SIDE_BY_SIDE.found(message + "by side: give r, and the sensor's position"))
     if known is None and not fit.radius_known:
         share = 100.0 * fit.radius_std / fit.radius
         findings.append(RADIUS_UNKNOWN.found(f"the width of the strip tells the radius to {share:.0f} % only: give r"))

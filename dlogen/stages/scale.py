@@ -20,8 +20,10 @@ from dlogen.geometry.vectors import dots, unit
 from dlogen.stages.cross_sections import NEIGHBOURS, Circles, Stretches, cross_sections, stretches
 from dlogen.types import Array, IntArray
 
-#: Size of the subset that is looked at.
-_SAMPLE = 4000
+#: Size of the subset that is looked at; so many times as many points where these are too few to see a width.
+_SAMPLE, _MORE = 4000, 4
+#: Patches of a subset are elongated, by the ratio of their variances, where it shows no width.
+_STRING = 3.0
 #: Places where the cross-section is looked at, and how many points around each of them.
 _PLACES = 48
 #: Points that the cross-sections need for each radius of length.
@@ -87,15 +89,21 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
 
 def _from_neighbourhoods(points: Array, radius: float | None) -> Scale:
     """The scale as neighbourhoods show it that are longer than wide."""
-    sample = points[spatial_sample(points, _SAMPLE)]
-    if len(sample) < 4:
-        raise FitError(f"{len(sample)} distinct points are too few for a centre line", "four are the least")
-    sample = sample - middle(sample)
-    tree = cKDTree(sample)
-    distance, index = tree.query(sample[:: -(-len(sample) // _PATCHES)], min(_PATCH, len(sample)))
-    patch = sample[index] - sample[index].mean(axis=1, keepdims=True)
-    thickness = np.sqrt(np.maximum(eigenvalues(_products(patch) / _PATCH)[0], 0.0))
-    thick = float(np.median(thickness))
+    size = _SAMPLE
+    while True:
+        sample = points[spatial_sample(points, size)]
+        if len(sample) < 4:
+            raise FitError(f"{len(sample)} distinct points are too few for a centre line", "four are the least")
+        sample = sample - middle(sample)
+        tree = cKDTree(sample)
+        distance, index = tree.query(sample[:: -(-len(sample) // _PATCHES)], min(_PATCH, len(sample)))
+        patch = sample[index] - sample[index].mean(axis=1, keepdims=True)
+        across, along, longest = eigenvalues(_products(patch) / _PATCH)
+        # Of an object thousands of radii long, so few points are beads on a string.
+        if size > len(points) // 2 or not np.median(longest / np.maximum(along, 1e-300)) > _STRING:
+            break
+        size *= _MORE
+    thick = float(np.median(np.sqrt(np.maximum(across, 0.0))))
     # On a surface the spacing goes with the root of the number of points.
     spacing = float(np.median(distance[:, 1])) * float(np.sqrt(len(sample) / max(len(points), len(sample))))
 

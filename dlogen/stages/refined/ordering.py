@@ -42,6 +42,8 @@ from dlogen.types.texts import millimetres
 #: Size of the subset that the order is found on: at most, and for each radius of length.
 _SAMPLE = 6000
 _PER_RADIUS = 22.0
+#: Points for each radius of length that long objects need, and the most points for all that.
+_LEAST_PER_RADIUS, _LARGEST_SAMPLE = 11.0, 100_000
 #: Size of the subset that tells the share of strays.
 _LOOKED_AT = 2000
 #: Share of places where the cloud is longer than wide, below which it is no line.
@@ -146,9 +148,7 @@ def order(
             stage="ordering",
         )
     # Many points for each radius of length don't make the order surer.
-    chosen = spatial_sample(
-        points, int(np.clip(_PER_RADIUS / scale.per_radius * scale.radius / r * len(points), 1000, _SAMPLE))
-    )
+    chosen = spatial_sample(points, _sample_size(len(points), scale.per_radius * r / scale.radius))
     sample = points[chosen]
     origin = middle(sample)
     sample = sample - origin
@@ -173,6 +173,13 @@ def order(
     )
 
 
+def _sample_size(count: int, per_radius: float) -> int:
+    """Size of the subset of so many points that the order is found on."""
+    radii = count / max(per_radius, 1e-9)
+    most = np.clip(_LEAST_PER_RADIUS * radii, _SAMPLE, _LARGEST_SAMPLE)
+    return int(np.clip(_PER_RADIUS * radii, 1000, most))
+
+
 def order_strip(points: Array, scale: Scale, radius: float | None, viewpoint: Array | None) -> Ordering:
     """The order of a cloud whose depth is noise: found where its edges are sharp, in the view.
 
@@ -193,7 +200,7 @@ def order_strip(points: Array, scale: Scale, radius: float | None, viewpoint: Ar
 def _order_noise(points: Array, scale: Scale, r: float, estimated: bool, view: FlatView | None) -> Ordering:
     """The order of points without normals, followed with a radius."""
     per_radius = scale.per_radius * r / scale.radius
-    sample = points[spatial_sample(points, int(np.clip(_PER_RADIUS / per_radius * len(points), 1000, _SAMPLE)))]
+    sample = points[spatial_sample(points, _sample_size(len(points), per_radius))]
     per_radius *= len(sample) / len(points)
     if view is not None:
         sample = view.flat(sample)

@@ -33,7 +33,7 @@ from dlogen.stages.refined.tube_curve import (
 from dlogen.types import Array, BoolArray
 
 #: Knot spacing over half the width, at first and in the end; most intervals.
-_COARSE, _FINE, _MOST = 4.0, 2.0, 256
+_COARSE, _FINE, _MOST = 4.0, 2.0, 20_000
 
 #: Rounds at first, which follow the ends, and rounds of the fit proper.
 _ROUGH_ROUNDS, _ROUNDS = 5, 5

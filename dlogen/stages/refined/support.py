@@ -9,7 +9,7 @@ from dlogen.stages.refined.tube_curve import TubeCurve, arc_at, arc_table, repar
 from dlogen.types import Array, BoolArray, IntArray
 
 #: The fewest intervals of a curve, and the points that each of them needs.
-FEWEST_INTERVALS, _POINTS_PER_INTERVAL = 6, 12
+FEWEST_INTERVALS, POINTS_PER_INTERVAL = 6, 12
 
 #: Points at an end that tell how densely they lie there.
 _FEW = 10
@@ -56,7 +56,7 @@ def on_support(
     low, high = min(low, float(s[0])), max(high, float(s[-1]))
     before, after = np.clip(reach, margin * radius, 3.0 * radius).tolist()
     low, high = max(low, float(s[0]) - radius) - before, min(high, float(s[-1]) + radius) + after
-    most = max(FEWEST_INTERVALS, min(most, len(s) // _POINTS_PER_INTERVAL))
+    most = max(FEWEST_INTERVALS, min(most, len(s) // POINTS_PER_INTERVAL))
     intervals = int(np.clip(round((high - low) / spacing), FEWEST_INTERVALS, most))
     moved = reparametrised(curve, intervals, low, high)
     return moved, np.clip((whole - low) / moved.step, 0.0, float(intervals))

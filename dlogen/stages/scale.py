@@ -89,9 +89,9 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
 
 def _from_neighbourhoods(points: Array, radius: float | None) -> Scale:
     """The scale as neighbourhoods show it that are longer than wide."""
-    size = _SAMPLE
+    wanted = _SAMPLE
     while True:
-        sample = points[spatial_sample(points, size)]
+        sample = points[spatial_sample(points, wanted)]
         if len(sample) < 4:
             raise FitError(f"{len(sample)} distinct points are too few for a centre line", "four are the least")
         sample = sample - middle(sample)
@@ -100,9 +100,9 @@ def _from_neighbourhoods(points: Array, radius: float | None) -> Scale:
         patch = sample[index] - sample[index].mean(axis=1, keepdims=True)
         across, along, longest = eigenvalues(_products(patch) / _PATCH)
         # Of an object thousands of radii long, so few points are beads on a string.
-        if size > len(points) // 2 or not np.median(longest / np.maximum(along, 1e-300)) > _STRING:
+        if wanted > len(points) // 2 or not np.median(longest / np.maximum(along, 1e-300)) > _STRING:
             break
-        size *= _MORE
+        wanted *= _MORE
     thick = float(np.median(np.sqrt(np.maximum(across, 0.0))))
     # On a surface the spacing goes with the root of the number of points.
     spacing = float(np.median(distance[:, 1])) * float(np.sqrt(len(sample) / max(len(points), len(sample))))

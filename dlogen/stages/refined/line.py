@@ -23,11 +23,12 @@ from dlogen.stages.quality.cross_section import check_cross_section
 from dlogen.stages.quality.cut_ends import cut_ends
 from dlogen.stages.quality.findings import CLOSED_RING, SIDE_BY_SIDE
 from dlogen.stages.refined.fit_findings import fit_findings
-from dlogen.stages.refined.ordering import Ordering, order, order_strip
+from dlogen.stages.refined.ordering import Ordering, order_strip
 from dlogen.stages.refined.refine import Refined, refine
 from dlogen.stages.refined.regime import is_doubted, shows_surface
 from dlogen.stages.refined.strand_axis import StrandFit
 from dlogen.stages.refined.strand_line import strand_findings, strand_fit
+from dlogen.stages.refined.thread import order_any
 from dlogen.stages.scale import estimate_scale
 from dlogen.types import Array, Cloud, FittedLine, Intermediate
 
@@ -63,7 +64,7 @@ def refined_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:
         scale = estimate_scale(points, radius=known)
 
     with clock.stage("ordering"):
-        ordering = order(points, known, scale, cloud.viewpoint)
+        ordering = order_any(points, known, scale, cloud.viewpoint)
         if cloud.viewpoint is not None and not ordering.noisy and any(item.is_bad for item in ordering.findings):
             # Strands that meet are told apart by their edges in the view where noise mixes up their surfaces.
             seen = order_strip(points, scale, known, cloud.viewpoint)
@@ -82,6 +83,8 @@ def _fitted(cloud: Cloud, ordering: Ordering, known: float | None) -> Refined | 
     points = cloud.points
     failed = None
     try:
+        if ordering.thread:
+            raise FitError("the points show no width", "", stage="refine")
         fitted = refine(points, ordering.backbone, ordering.radius, fixed_radius=known is not None)
         if not ordering.noisy and not is_doubted(fitted):
             return fitted

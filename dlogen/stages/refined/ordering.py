@@ -97,6 +97,7 @@ class Ordering:
         joins: what was bridged between them.
         findings: what a user should know.
         noisy: the points scatter so much that their normals say nothing.
+        thread: they are too few to show a width, too (`dlogen.stages.refined.thread`).
     """
 
     backbone: Array
@@ -105,6 +106,7 @@ class Ordering:
     joins: tuple[Bridge, ...]
     findings: tuple[Finding, ...]
     noisy: bool = False
+    thread: bool = False
 
 
 def order(
@@ -195,6 +197,19 @@ def order_strip(points: Array, scale: Scale, radius: float | None, viewpoint: Ar
             return rough
         view = FlatView.of(points, None, direction)
     return _order_noise(points, scale, _FLAT_STRIP * half_width, radius is None, view)
+
+
+def follow(points: Array, step: float, per_step: float, scale: Scale) -> Ordering:
+    """The order of points without normals, followed in steps.
+
+    Args:
+        points: (M, 3) metres.
+        step: metres; it takes the place of the radius in all that `order` does.
+        per_step: points for each step of length.
+        scale: of the cloud.
+    """
+    scale = replace(scale, radius=step, per_radius=per_step, line_share=1.0, round=True)
+    return _order_noise(points, scale, step, True, None)
 
 
 def _order_noise(points: Array, scale: Scale, r: float, estimated: bool, view: FlatView | None) -> Ordering:

@@ -57,8 +57,8 @@ def strand_fit(
     near, backbone = points - origin, ordering.backbone - origin
     columns = np.ascontiguousarray(near.T)
     direction, ratio = thin_direction(near, backbone)
-    if viewpoint is None and ratio < ONE_SIDED:
-        if radius is None or ordering.radius < _THREAD * radius:
+    if ordering.thread or (viewpoint is None and ratio < ONE_SIDED):
+        if not ordering.thread and (radius is None or ordering.radius < _THREAD * radius):
             return None
         # A wire in noise that is the same all around: no direction is the view, and any will do.
         tangent = unit(np.gradient(backbone, axis=0))

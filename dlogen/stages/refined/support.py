@@ -54,7 +54,8 @@ def on_support(
     behind = np.flatnonzero((lone > reach[1]) & (everything[:-1] >= s[-1]))
     s = everything[before[-1] + 1 if len(before) else 0 : behind[0] + 1 if len(behind) else len(everything)]
     low, high = min(low, float(s[0])), max(high, float(s[-1]))
-    before, after = np.clip(reach, margin * radius, 3.0 * radius).tolist()
+    # Points that are farther apart than the object is thick are followed from one to the next.
+    before, after = np.clip(reach, margin * radius, np.maximum(3.0 * radius, 0.25 * reach)).tolist()
     low, high = max(low, float(s[0]) - radius) - before, min(high, float(s[-1]) + radius) + after
     most = max(FEWEST_INTERVALS, min(most, len(s) // POINTS_PER_INTERVAL))
     intervals = int(np.clip(round((high - low) / spacing), FEWEST_INTERVALS, most))

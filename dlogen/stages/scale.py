@@ -34,6 +34,11 @@ _ENOUGH = 50
 _PATCHES, _PATCH = 240, 10
 #: Radii that are tried with normals: from so many spacings on, growing by this factor.
 _RESOLVED, _GROWTH = 2.0, 1.3
+#: Every so many places are looked at first.
+_SCREENED = 2
+#: Share of the places with neighbourhoods longer than wide from which on strands are apart, and the largest radius that
+#: is tried then, in half widths: a sixth of the circumference may be all that was seen.
+_APART, _WIDEST = 0.8, 3.0
 #: What the circles must keep then: share of the places, noise and spread of the radii, relative to the radius.
 _NEARLY_ALL, _THIN, _ALIKE = 0.8, 0.15, 0.06
 
@@ -84,7 +89,14 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
         FitError: fewer than four distinct points.
     """
     scale = _from_neighbourhoods(points, radius)
-    return scale if scale.radius_reliable else _from_normals(points, scale.spacing) or scale
+    if scale.radius_reliable:
+        return scale
+    # Where neighbourhoods are longer than wide, they are single strands, or bundles whose strands are half as wide at
+    # most. Normals say nothing of noise that is thicker than these may be.
+    apart = scale.line_share > _APART and np.isfinite(scale.half_width)
+    if apart and scale.thickness > 0.5 * _THIN * scale.half_width:
+        return scale
+    return _from_normals(points, scale.spacing, _WIDEST * scale.half_width if apart else np.inf) or scale
 
 
 def _from_neighbourhoods(points: Array, radius: float | None) -> Scale:
@@ -183,11 +195,16 @@ def _coverage(lopsided: float) -> float:
     return float(np.interp(lopsided, [0.0, 0.2, 2 / np.pi, 1.0], [1.0, 1.0, 0.5, 0.0]))
 
 
-def _from_normals(points: Array, spacing: float) -> Scale | None:
+def _from_normals(points: Array, spacing: float, widest: float) -> Scale | None:
     """The scale of strands that lie close together, from the normals of their surfaces; None if these show no tube.
 
     The normals around a place are across the axis (paper Eq. 6), and the axis is one radius away along the normal. So
     every radius that is tried has its cross-sections; it is right if the circles through nearly all of them have it.
+
+    Args:
+        points: (M, 3) metres.
+        spacing: median distance between nearest neighbours, metres.
+        widest: the largest radius that is tried, metres.
     """
     sample = points[spatial_sample(points, 2 * _SAMPLE)]
     sample = sample - middle(sample)
@@ -199,10 +216,10 @@ def _from_normals(points: Array, spacing: float) -> Scale | None:
     normals = smallest_axes(_products(patch))
     places = np.unique(np.linspace(0, len(sample) - 1, _PLACES).astype(np.intp))
     smallest = _RESOLVED * float(np.median(distance[:, 1]))
-    largest = 0.5 * float(np.ptp(sample, axis=0).max())
+    largest = min(0.5 * float(np.ptp(sample, axis=0).max()), widest)
     best: tuple[float, float, Circles] | None = None
     for radius in smallest * _GROWTH ** np.arange(int(np.log(max(largest / smallest, 1.0)) / np.log(_GROWTH)) + 1):
-        fit, estimate = _with_radius(sample, tree, normals, places, float(radius))
+        _, estimate = _with_radius(sample, tree, normals, places[::_SCREENED], float(radius))
         if abs(estimate - radius) > (_GROWTH - 1.0) * radius:
             continue
         fit, estimate = _with_radius(sample, tree, normals, places, estimate)

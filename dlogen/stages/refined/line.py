@@ -25,7 +25,7 @@ from dlogen.stages.quality.findings import CLOSED_RING, SIDE_BY_SIDE
 from dlogen.stages.refined.fit_findings import fit_findings
 from dlogen.stages.refined.ordering import Ordering, order_strip
 from dlogen.stages.refined.refine import Refined, refine
-from dlogen.stages.refined.regime import is_doubted, shows_surface
+from dlogen.stages.refined.regime import hides_surface, is_doubted, shows_surface
 from dlogen.stages.refined.strand_axis import StrandFit
 from dlogen.stages.refined.strand_line import strand_findings, strand_fit
 from dlogen.stages.refined.thread import order_any
@@ -81,25 +81,32 @@ def refined_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:
 def _fitted(cloud: Cloud, ordering: Ordering, known: float | None) -> Refined | tuple[StrandFit, bool]:
     """The tube, or the strip where the noise hides the surface; with the latter, whether its side is known."""
     points = cloud.points
+    seen = _strip(cloud, ordering, known) if ordering.noisy else None
+    if seen is not None and (ordering.thread or hides_surface(seen[0])):
+        return seen
     failed = None
     try:
-        if ordering.thread:
-            raise FitError("the points show no width", "", stage="refine")
         fitted = refine(points, ordering.backbone, ordering.radius, fixed_radius=known is not None)
         if not ordering.noisy and not is_doubted(fitted):
             return fitted
     except FitError as reason:
         fitted, failed = None, reason
-    try:
-        seen = strand_fit(points, cloud.viewpoint, ordering, known)
-    except FitError:
-        seen = None
+    if not ordering.noisy:
+        seen = _strip(cloud, ordering, known)
     if seen is not None and (fitted is None or not shows_surface(fitted, seen[0])):
         return seen
     if fitted is None:
         assert failed is not None
         raise explained(failed, ordering.findings) from failed
     return fitted
+
+
+def _strip(cloud: Cloud, ordering: Ordering, known: float | None) -> tuple[StrandFit, bool] | None:
+    """What the cloud shows as a strip; None where it is none."""
+    try:
+        return strand_fit(cloud.points, cloud.viewpoint, ordering, known)
+    except FitError:
+        return None
 
 
 def _of_strand(points: Array, ordering: Ordering, fit: StrandFit, side: bool, config: Config) -> FittedLine:

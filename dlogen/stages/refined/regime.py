@@ -17,6 +17,9 @@ from dlogen.types import Skeleton
 #: Noise over radius from which on a surface is doubted, and beyond which it is none.
 DOUBTED, _HIDDEN = 0.04, 0.35
 
+#: Standard deviation of the depth of the seen half of a tube, in radii.
+_HALF_TUBE = 0.22
+
 #: A tube that bends so tightly, curvature times radius, follows noise: cables break before.
 _TIGHT = 0.6
 
@@ -34,6 +37,11 @@ _PLACES, _PER_RADIUS, _ENDS = 500, 1.0, 1
 def is_doubted(fit: Refined) -> bool:
     """Whether the noise of a tube is so large that the strip has to be looked at, too."""
     return fit.noise > DOUBTED * fit.radius or fit.max_curvature * fit.radius > _TIGHT
+
+
+def hides_surface(strip: StrandFit) -> bool:
+    """Whether the depth of a strip scatters by more than it does on a surface whose noise a tube can be fitted to."""
+    return strip.noise > float(np.hypot(_HALF_TUBE, _HIDDEN)) * strip.half_width
 
 
 def shows_surface(fit: Refined, strip: StrandFit) -> bool:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dlogen.errors import FitError
+from dlogen.geometry.sampling import spatial_sample
 from dlogen.geometry.vectors import column_dots
 from dlogen.stages.refined.linearisation import LOG_LAMBDA, Linearisation, Solution
 from dlogen.stages.refined.normal_equations import normal_equations
@@ -37,6 +38,9 @@ _COARSE, _FINE, _MOST = 4.0, 2.0, 20_000
 
 #: Rounds at first, which follow the ends, and rounds of the fit proper.
 _ROUGH_ROUNDS, _ROUNDS = 5, 5
+
+#: Points of the rounds; the last one has all.
+_SOME = 8000
 
 #: Distance of the knots of a line that follows the shape of the object but not the noise, in half widths.
 _SHAPE = 12.0
@@ -90,6 +94,10 @@ def fit_strand(points: Array, rays: Array, backbone: Array, half_width: float) -
         backbone: (K, 3) vertices in order, metres.
         half_width: of the strip, roughly, metres.
     """
+    everything = points, rays
+    if points.shape[1] > _SOME:
+        some = spatial_sample(points.T, _SOME)
+        points, rays = points[:, some], rays[:, some]
     nothing = np.zeros(points.shape[1])
     curve = from_polyline(backbone, _COARSE * half_width, half_width, 1.0)
     strand = Strand(curve, half_width, nothing, nothing, nothing, (half_width, half_width), (1.0, 1.0))
@@ -103,7 +111,12 @@ def fit_strand(points: Array, rays: Array, backbone: Array, half_width: float) -
     strand = replace(_supported(strand, 0.7, _FINE * half_width), smoothing=None)
     for step in range(_ROUNDS):
         strand = _step(points, rays, _worth(strand, shared), search=step == 0)
-    return strand
+    if points is everything[0]:
+        return strand
+    # The more points there are, the more of them share their noise.
+    times = everything[0].shape[1] / points.shape[1]
+    depth, across = (1.0 + (worth - 1.0) * times for worth in strand.inflation)
+    return _step(*everything, replace(strand, inflation=(depth, across)), search=True)
 
 
 def _worth(strand: Strand, shared: float) -> Strand:

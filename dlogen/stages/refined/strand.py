@@ -39,8 +39,8 @@ _COARSE, _FINE, _MOST = 4.0, 2.0, 20_000
 #: Rounds at first, which follow the ends, and rounds of the fit proper.
 _ROUGH_ROUNDS, _ROUNDS = 5, 5
 
-#: Points of the rounds; the last one has all.
-_SOME = 8000
+#: Points of the rounds at first, and of those of the fit proper; the last one has all.
+_FEW, _SOME = 3000, 8000
 
 #: Distance of the knots of a line that follows the shape of the object but not the noise, in half widths.
 _SHAPE = 12.0
@@ -95,9 +95,9 @@ def fit_strand(points: Array, rays: Array, backbone: Array, half_width: float) -
         half_width: of the strip, roughly, metres.
     """
     everything = points, rays
-    if points.shape[1] > _SOME:
-        some = spatial_sample(points.T, _SOME)
-        points, rays = points[:, some], rays[:, some]
+    some = everything if points.shape[1] <= _SOME else _some(points, rays, _SOME)
+    few = some if some[0].shape[1] <= _FEW else _some(*some, _FEW)
+    points, rays = few
     nothing = np.zeros(points.shape[1])
     curve = from_polyline(backbone, _COARSE * half_width, half_width, 1.0)
     strand = Strand(curve, half_width, nothing, nothing, nothing, (half_width, half_width), (1.0, 1.0))
@@ -107,16 +107,25 @@ def fit_strand(points: Array, rays: Array, backbone: Array, half_width: float) -
         if step >= 1 and grown.curve.length < strand.curve.length + 0.5 * half_width:
             break
         strand = grown
+    if some is not few:
+        points, rays = some
+        strand = _step(points, rays, strand, search=True, least=-3.0)
     shared = _shared_depth(points, rays, strand)
     strand = replace(_supported(strand, 0.7, _FINE * half_width), smoothing=None)
     for step in range(_ROUNDS):
         strand = _step(points, rays, _worth(strand, shared), search=step == 0)
-    if points is everything[0]:
+    if some is everything:
         return strand
     # The more points there are, the more of them share their noise.
     times = everything[0].shape[1] / points.shape[1]
     depth, across = (1.0 + (worth - 1.0) * times for worth in strand.inflation)
     return _step(*everything, replace(strand, inflation=(depth, across)), search=True)
+
+
+def _some(points: Array, rays: Array, count: int) -> tuple[Array, Array]:
+    """About so many of the points and their rays: (3, M), (3, M)."""
+    chosen = spatial_sample(points.T, count)
+    return points[:, chosen], rays[:, chosen]
 
 
 def _worth(strand: Strand, shared: float) -> Strand:

@@ -137,11 +137,11 @@ def refine(points: npt.ArrayLike, backbone: npt.ArrayLike, radius: float, *, fix
         raise FitError(f"a radius of {radius:g} m makes no tube", "give r in metres", stage="refine")
     origin = backbone.mean(axis=0)
     near = points - origin
-    # Subsets of subsets: each is a random sample of the whole, the same one in whatever order the points come.
+    # Random samples, the same ones in whatever order the points come; of the whole, since a sample of one is itself.
     most = _some(near, _MOST_POINTS)
     radii = float(segment_lengths(backbone).sum()) / radius
     fine = _some(most, max(_FINE_POINTS, int(_FINE_PER_RADIUS * radii)))
-    rough = _rough(fine, backbone - origin, radius, fixed_radius)
+    rough = _rough(most, len(fine), backbone - origin, radius, fixed_radius)
     tube = _apart(_columns(fine), _fine(_columns(fine), rough, fixed_radius, radius), fixed_radius)
     more = most is not fine
     steps = 2 if more and not tube.solid else 0
@@ -160,16 +160,16 @@ def _columns(points: Array) -> Array:
     return np.ascontiguousarray(points.T)
 
 
-def _rough(cloud: Array, backbone: Array, radius: float, fixed_radius: bool) -> Tube:
-    """Bring the backbone to the axis and follow it to the ends: (M, 3) points, (K, 3) vertices."""
+def _rough(cloud: Array, most: int, backbone: Array, radius: float, fixed_radius: bool) -> Tube:
+    """Bring the backbone (K, 3) to the axis of points (M, 3), `most` of which count, and follow it to the ends."""
     start = from_polyline(backbone, _COARSE * radius, radius, 1.0)
     count = _ROUGH_POINTS
     while True:
-        points = _columns(_some(cloud, count))
+        points = _columns(_some(cloud, min(count, most)))
         nothing = np.zeros(points.shape[1])
         tube = Tube(start, radius, 0.1 * radius, nothing, nothing)
         tube = gauss_newton(points, tube, free_radius=False, steps=1, floor=0.1, search=True)
-        if count >= len(cloud) or points.shape[1] > POINTS_PER_INTERVAL * start.length / _rough_spacing(tube, radius):
+        if count >= most or points.shape[1] > POINTS_PER_INTERVAL * start.length / _rough_spacing(tube, radius):
             break
         count *= _MORE
     for step in range(_ROUNDS):

@@ -96,7 +96,8 @@ def fit_strand(points: Array, rays: Array, backbone: Array, half_width: float) -
     """
     everything = points, rays
     some = everything if points.shape[1] <= _SOME else _some(points, rays, _SOME)
-    few = some if some[0].shape[1] <= _FEW else _some(*some, _FEW)
+    # Of the whole, since a sample of a sample is itself.
+    few = some if points.shape[1] <= _FEW else _some(points, rays, _FEW)
     points, rays = few
     nothing = np.zeros(points.shape[1])
     curve = from_polyline(backbone, _COARSE * half_width, half_width, 1.0)

@@ -113,8 +113,8 @@ def fit_strand(points: Array, rays: Array, backbone: Array, half_width: float) -
         strand = _step(points, rays, strand, search=True, least=-3.0)
     shared = _shared_depth(points, rays, strand)
     strand = replace(_supported(strand, 0.7, _FINE * half_width), smoothing=None)
-    for step in range(_ROUNDS):
-        strand = _step(points, rays, _worth(strand, shared), search=step == 0)
+    for _ in range(_ROUNDS):
+        strand = _step(points, rays, _worth(strand, shared))
     if some is everything:
         return strand
     # The more points there are, the more of them share their noise.

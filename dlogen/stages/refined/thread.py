@@ -32,6 +32,9 @@ _POINTS, _WIDTHS = (3.0, 6.0), 4.0
 #: Points for each radius of length from which on a cloud is no thread.
 _DENSE = 2.0
 
+#: Points that scatter by less than this, in distances from point to point, are on the axis.
+_EXACT = 0.03
+
 #: Half the width of the scatter, in standard deviations, and at least, in distances from point to point.
 _HALF, _LEAST = 2.0, 0.1
 
@@ -93,7 +96,8 @@ def order_any(points: Array, radius: float | None, scale: Scale, viewpoint: Arra
         failed = reason
     # Where a string of beads is zigzag, in their noise, its middle is followed instead.
     thread = thread_of(points) if _is_sparse(scale) else None
-    if thread is not None:
+    # What does not scatter are nodes on the axis.
+    if thread is not None and thread.scatter * thread.per_metre > _EXACT:
         for count in _POINTS:
             try:
                 other = _followed(points, thread, count, scale)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import dlogen
+from dlogen.errors import FitError
 from dlogen.geometry.polyline import distance_to_polyline, segment_lengths
 from dlogen.stages.refined.thread import order_any, thread_of
 from dlogen.stages.scale import estimate_scale
@@ -77,3 +78,12 @@ def test_beads_in_noise_do_not_zigzag() -> None:
     found = order_any(points, None, estimate_scale(points), None)
     assert found.thread
     assert segment_lengths(found.backbone).sum() == pytest.approx(segment_lengths(axis).sum(), rel=0.08)
+
+
+def test_nodes_on_the_axis_are_no_thread() -> None:
+    points, _ = wire(15.0, 0.05, 1e-5, 1)
+    try:
+        found = order_any(points, None, estimate_scale(points), None)
+    except FitError:
+        return
+    assert not found.thread

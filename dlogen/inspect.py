@@ -11,9 +11,12 @@ from dlogen.config.fields import AUTO
 from dlogen.config.schema import Config
 from dlogen.errors import DlogenError
 from dlogen.geometry.units import guess_units
+from dlogen.stages.mesh import surface_points
 from dlogen.stages.paper.normals import choose_neighbours
 from dlogen.stages.paper.sorting import choose_search_radius
-from dlogen.stages.prepare import check_points, prepare, without_far_points
+from dlogen.stages.prepare import MIN_POINTS, check_points, prepare, without_far_points
+from dlogen.stages.quality.coordinates import coordinate_steps
+from dlogen.stages.refined.node_line import clear_order
 from dlogen.stages.scale import estimate_scale
 from dlogen.stages.segmentation.specification import allowed_deviation
 from dlogen.types import Cloud
@@ -31,7 +34,8 @@ def inspect(cloud: Cloud, units: str = AUTO) -> dict[str, Any]:
         `problem` says why the cloud cannot be fitted, None if nothing speaks against it.
     """
     source = cloud.source
-    near, far = without_far_points(cloud)
+    used, said = surface_points(cloud)
+    near, far = without_far_points(used)
     guessed = guess_units(near.points)
     prepared = prepare(near, guessed if units == AUTO else units)
     out: dict[str, Any] = {
@@ -43,6 +47,9 @@ def inspect(cloud: Cloud, units: str = AUTO) -> dict[str, Any]:
         "declared_points": source.declared_points if source else len(cloud),
         "organised": [source.width, source.height] if source and source.height > 1 else None,
         "points": len(cloud),
+        "mesh": None
+        if cloud.mesh is None
+        else {"triangles": len(cloud.mesh.triangles), "sampled": len(used) if said else 0},
         "far_away": far,
         "dropped": {"non_finite": cloud.dropped.non_finite, "duplicates": cloud.dropped.duplicates},
         "normals": cloud.normals is not None,
@@ -54,8 +61,16 @@ def inspect(cloud: Cloud, units: str = AUTO) -> dict[str, Any]:
         "problem": None,
     }
     points = prepared.cloud.points
+    nodes = len(points) >= MIN_POINTS and clear_order(points) is not None
+    out["nodes"] = nodes
+    steps = coordinate_steps(near.points)
+    out["steps"] = (steps.along * prepared.scale).tolist()
+    out["few_digits"] = steps.said(prepared.scale) if steps.few_digits else None
     try:
-        check_points(near.points)
+        steps.check(near.points, prepared.scale)
+        check_points(near.points, surface=not nodes)
+        if nodes:
+            return out
         found = estimate_scale(points)
     except DlogenError as error:
         return {**out, "problem": error.message}

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dlogen._version import __version__
+from dlogen.config.fields import AUTO, given
 from dlogen.config.schema import Config
 from dlogen.errors import FitError
 from dlogen.geometry.arc_length import even_parameters
@@ -19,14 +20,19 @@ from dlogen.io.result import Result
 from dlogen.stages.chain import build_chain, chain_error
 from dlogen.stages.clean import clean
 from dlogen.stages.clock import Clock
+from dlogen.stages.mesh import surface_points, with_vertex_radius
 from dlogen.stages.output_frame import in_frame, output_frame
 from dlogen.stages.prepare import Prepared, check_left_out, check_points, prepare, without_far_points
 from dlogen.stages.quality.checks import check_deviation, check_line, explained
+from dlogen.stages.quality.coordinates import Steps, check_steps, coordinate_steps
+from dlogen.stages.quality.findings import UNITS
+from dlogen.stages.quality.known_length import check_length
 from dlogen.stages.quality.residual import tube_residual
+from dlogen.stages.quality.units import check_units
 from dlogen.stages.segmentation.segment import segment
 from dlogen.stages.segmentation.specification import SegmentationSpec, allowed_deviation
 from dlogen.stages.view import camera_at_origin
-from dlogen.types import Chain, Cloud, Finding, FittedLine, Frame, Mdtw, Quality, Segmentation
+from dlogen.types import Array, Chain, Cloud, Finding, FittedLine, Frame, Mdtw, Quality, Segmentation
 
 #: Points of the skeleton line in the outputs.
 SKELETON_POINTS = 1000
@@ -65,8 +71,12 @@ def fit(
     cloud = cloud if isinstance(cloud, Cloud) else clean(cloud)
     clock = Clock()
     with clock.stage("input"):
-        prepared, frame, far = _prepared(cloud, config)
-    line = _skeleton_line(prepared.cloud, config, clock)  # III.B, III.C
+        used, said = surface_points(cloud, config.mesh)
+        prepared, frame, steps, far = _prepared(used, config)
+    with steps.blamed(prepared.scale):
+        line = _skeleton_line(prepared.cloud, config, clock)  # III.B, III.C
+    if used.mesh is not None and config.r == AUTO:
+        line = with_vertex_radius(line, used.mesh.vertices * prepared.scale - prepared.centre)
     with clock.stage("segmentation"):
         spec, e_max = SegmentationSpec.of(config), allowed_deviation(config, line.radius)
         segmentation = _segmented(line, e_max, spec)  # III.D, III.E
@@ -74,7 +84,20 @@ def fit(
     with clock.stage("mdtw"):
         error = chain_error(line.skeleton, chain, config.mdtw.samples)  # IV.A
     with clock.stage("checks"):
-        findings = (*line.findings, *check_left_out(far), *_checked(line, segmentation, e_max))
+        findings = (
+            *check_length(line.skeleton.length, given(config.length)),
+            *line.findings,
+            *said,
+            *check_steps(steps, prepared.scale, line.radius),
+            *check_left_out(far),
+            *_checked(line, segmentation, e_max),
+        )
+        asked = check_units(
+            line.skeleton.length, line.radius, config.units, prepared.units, radius_given=config.r != AUTO
+        )
+        # Those that name the units that would fit come in place of those that only ask for them.
+        known = max((item.gravity for item in asked), default=-1)
+        findings = (*asked, *(item for item in findings if not UNITS.matches(item) or item.gravity > known))
     chosen = {**line.chosen, "units": prepared.units, "e_max": e_max, "segmentation.criterion": spec.criterion}
     resolved = config.resolved(chosen)
     provenance = _provenance(cloud, len(prepared.cloud), resolved)
@@ -82,15 +105,26 @@ def fit(
     return in_frame(result, frame, prepared.centre)
 
 
-def _prepared(cloud: Cloud, config: Config) -> tuple[Prepared, Frame, int]:
-    """The cloud as the stages take it, the frame of the output, and how many points mark missing data."""
+def _prepared(cloud: Cloud, config: Config) -> tuple[Prepared, Frame, Steps, int]:
+    """The cloud as the stages take it, the output's frame, the steps of coordinates, how many points are no data."""
     near, far = without_far_points(cloud)
-    check_points(near.points, surface=config.projection.enabled)
     # Points in the sensor's own frame are seen from its origin.
     at_origin = config.frame.use_viewpoint or (near.viewpoint is None and camera_at_origin(near.points))
     seen = replace(near, viewpoint=np.zeros(3)) if at_origin else near
     prepared = prepare(seen, config.units)
-    return prepared, output_frame(config.frame, cloud, prepared.scale), far
+    steps = coordinate_steps(near.points)
+    steps.check(near.points, prepared.scale)
+    check_points(near.points, surface=config.projection.enabled and not _are_flat_nodes(near.points, config))
+    return prepared, output_frame(config.frame, cloud, prepared.scale), steps, far
+
+
+def _are_flat_nodes(points: Array, config: Config) -> bool:
+    """Whether a flat cloud is one that the profile takes: nodes of a curve in a plane."""
+    if config.profile == "paper":
+        return False
+    from dlogen.stages.refined.node_line import flat_nodes
+
+    return flat_nodes(points)
 
 
 def _skeleton_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:

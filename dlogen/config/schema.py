@@ -97,6 +97,19 @@ class Config(Section):
         auto=f"r / {R_PER_E_MAX}, the paper's ratio",
         sought=("max_error", "error", "tolerance", "accuracy"),
     )
+    length: float | Auto = length(
+        AUTO,
+        "Length of the object, where it is known: a fit says by how much it finds another one.",
+        auto="not known",
+        sought=("known_length", "total_length", "object_length", "L"),
+    )
+    mesh: Literal["auto", "sample", "vertices"] = choice(
+        AUTO,
+        "What of a file that is a mesh is used: points spread over its faces, or its vertices.",
+        auto="its faces where its vertices do not cover its surface",
+        choices=(AUTO, "sample", "vertices"),
+        sought=("faces", "triangles"),
+    )
     seed: int = integer(0, "Seed of everything random.", least=0, most=2**32 - 1, sought=("random_seed",))
     normals: Normals = field(default_factory=Normals)
     projection: Projection = field(default_factory=Projection)

@@ -117,7 +117,7 @@ class Segmentation(Section):
         AUTO,
         "Length of every segment but the last, whatever the deviation.",
         auto="not used: e_max decides",
-        sought=("l", "length", "l_max", "segment_size"),
+        sought=("l", "l_max", "segment_size"),
     )
     curvature_max: float | Auto = number(
         AUTO,

@@ -19,9 +19,10 @@ import numpy.typing as npt
 from dlogen.errors import InputError, UsageError
 from dlogen.io import sniff
 from dlogen.io.atomic import write_with
+from dlogen.io.parsing.text_encoding import plain_text
 from dlogen.io.registry import CloudFormat, cloud_formats
 from dlogen.stages.clean import clean, vectors
-from dlogen.types import Array, Cloud, RawCloud, Source
+from dlogen.types import Array, Cloud, Mesh, RawCloud, Source
 
 _HEAD = 4096
 _CHUNK = 1 << 20
@@ -52,10 +53,10 @@ def read_raw(path: str | Path) -> RawCloud:
     """
     name = _STDIN if str(path) == "-" else str(path)
     try:
-        with _as_file(path) as file, file.open("rb") as stream:
-            head = stream.read(_HEAD)
-            raw = _format_of(head, Path(name).suffix).read(file)
-            stream.seek(0)
+        with _as_file(path) as file, file.open("rb") as stream, plain_text(file) as text:
+            with text.open("rb") as start:
+                head = start.read(_HEAD)
+            raw = _format_of(head, Path(name).suffix).read(text)
             return replace(raw, sha256=sha256_of(stream))
     except InputError as error:
         error.path = name
@@ -104,7 +105,8 @@ def read_cloud(path: str | Path, *, raw: RawCloud | None = None) -> Cloud:
     except InputError as error:
         error.path = path
         raise
-    return replace(cloud, source=source)
+    mesh = None if raw.triangles is None else Mesh(raw.points, raw.triangles)
+    return replace(cloud, source=source, mesh=mesh)
 
 
 def write_cloud(

@@ -12,11 +12,12 @@ import numpy as np
 
 from dlogen.batch.paths import as_unicode
 from dlogen.batch.store import Row
-from dlogen.stages.quality.findings import DEVIATION_ABOVE_E_MAX
+from dlogen.stages.quality.findings import CROSSING, DEVIATION_ABOVE_E_MAX, RADIUS_UNKNOWN
 from dlogen.types import Array, Finding, Quality
 
-#: Findings about a capture's own chain, which is not used.
-_OF_THE_CHAIN = (DEVIATION_ABOVE_E_MAX,)
+#: Findings about a capture's own chain, which is not used; and what the other captures settle: the radius that they
+#: share, and how strands go on where they cross, by their motion.
+_SETTLED = (DEVIATION_ABOVE_E_MAX, RADIUS_UNKNOWN, CROSSING)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +55,9 @@ def read_capture(rows: Mapping[str, Row], key: str, folder: Path, *, keep_doubtf
         return CaptureFit(name, None, problem=row.error if row and row.error else "it has not been fitted")
     chain, report = read_fit(folder, key)
     findings = map(Finding.from_dict, chain["quality"]["findings"])
-    quality = Quality(tuple(item for item in findings if not any(kind.matches(item) for kind in _OF_THE_CHAIN)))
+    quality = Quality(
+        tuple(item for item in findings if item.is_bad or not any(kind.matches(item) for kind in _SETTLED))
+    )
     problem = None
     if not quality.is_good and not (keep_doubtful and not quality.is_bad):
         said = "; ".join(f"{item.message} [{item.code}]" for item in quality.warnings)

@@ -2,7 +2,7 @@
 
 from dlogen.types.arrays import Array, BoolArray, IntArray
 from dlogen.types.chain import Chain, FewerSegments, Frame, Joints, Pose, Segmentation
-from dlogen.types.cloud import Cloud, Dropped, RawCloud, Source
+from dlogen.types.cloud import Cloud, Dropped, Mesh, RawCloud, Source
 from dlogen.types.intermediate import Intermediate
 from dlogen.types.line import Basis, FittedLine, Skeleton, SortedPoints
 from dlogen.types.quality import SEVERITIES, Finding, Mdtw, Quality, Residual, Severity, Verdict
@@ -25,6 +25,7 @@ __all__ = [
     "Intermediate",
     "Joints",
     "Mdtw",
+    "Mesh",
     "Pose",
     "Quality",
     "RawCloud",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from dlogen.types.arrays import Array
+from dlogen.types.arrays import Array, IntArray
 from dlogen.types.short_repr import ShortRepr
 
 
@@ -22,6 +22,8 @@ class RawCloud(ShortRepr):
         encoding: how the points are stored ("ascii", "binary_little_endian", "binary_compressed", ...).
         comments: comment lines of the header, without the keyword.
         sha256: of the file, if there is one.
+        triangles: (T, 3) indices into `points` of the triangles that faces are cut into, if the file is a mesh; as the
+            file has them, so that they may name points that do not exist.
 
     >>> import dlogen, numpy as np
     >>> dlogen.RawCloud(np.full((6, 3), np.nan), width=3, height=2).organised
@@ -38,6 +40,7 @@ class RawCloud(ShortRepr):
     encoding: str = ""
     comments: tuple[str, ...] = ()
     sha256: str = ""
+    triangles: IntArray | None = None
 
     @property
     def organised(self) -> bool:
@@ -68,6 +71,19 @@ class Source:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class Mesh(ShortRepr):
+    """The mesh that the points of a cloud are the vertices of.
+
+    Attributes:
+        vertices: (V, 3) as the file has them, so that some may not be finite.
+        triangles: (T, 3) indices of vertices, some of which may not exist.
+    """
+
+    vertices: Array
+    triangles: IntArray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Cloud(ShortRepr):
     """A clean cloud: finite, free of exact duplicates.
 
@@ -78,10 +94,11 @@ class Cloud(ShortRepr):
         dropped: counts of what was left out on reading.
         source: file that it was read from; None for arrays.
         orientation: (4,) quaternion qw qx qy qz of the sensor, if the file stores one.
+        mesh: the mesh whose vertices these are, if the file is one.
 
     >>> import dlogen, numpy as np
     >>> dlogen.Cloud(np.array([[0.0, 0.0, 0.1], [0.0, 0.1, 0.0]]))
-    Cloud(points=array (2, 3), normals=None, viewpoint=None, dropped=Dropped, source=None, orientation=None)
+    Cloud(points=array (2, 3), normals=None, viewpoint=None, dropped=Dropped, source=None, orientation=None, mesh=None)
     """
 
     points: Array
@@ -90,6 +107,7 @@ class Cloud(ShortRepr):
     dropped: Dropped = field(default_factory=Dropped)
     source: Source | None = None
     orientation: Array | None = None
+    mesh: Mesh | None = None
 
     def __len__(self) -> int:
         return len(self.points)

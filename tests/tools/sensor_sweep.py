@@ -117,11 +117,16 @@ def capture_of(name: str, seed: int) -> tuple[SensorCloud, bool, str]:
 
 
 def covered(cloud: SensorCloud) -> float:
-    """Share of the line that has points within three radii or 5 mm, the ends included."""
+    """Share of the line that has points beside it; zero where an end has none within a hundredth of the length."""
     line = cloud.line.points(400)
-    away = cKDTree(cloud.points).query(line)[0] < max(3.0 * cloud.radius, 0.008)
-    ends = away[:8].any() and away[-8:].any()
-    return float(away.mean()) if ends else 0.0
+    own = cloud.points[cloud.is_object]
+    if len(own) == 0:
+        return 0.0
+    seen = np.bincount(cKDTree(line).query(own)[1], minlength=400) > 0
+    # The outermost places are nearest to all that is beyond them.
+    ends = seen[1:4].any() and seen[-4:-1].any()
+    holes = np.convolve(seen, np.ones(5), "same") > 0
+    return float(holes.mean()) if ends else 0.0
 
 
 def judge(name: str, seed: int, given: bool = False) -> Outcome:
@@ -182,7 +187,7 @@ def order_right(line: Array, truth: Array, radius: float) -> bool:
 
 
 def main() -> None:
-    """Run it."""
+    """Run the sweep."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sensor", action="append")
     parser.add_argument("--count", type=int, default=40)

@@ -39,6 +39,7 @@ _EXAMPLES = """Examples:
     type=click.Choice(["none", "optical-to-ros"]),
     help="Axes of the output: as in the cloud, or from a camera's optical frame to that of ROS.",
 )
+@click.option("--length", type=float, metavar="METRES", help="Known length of the object; short for --set length=...")
 @click.option("-o", "--output", "folder", metavar="DIR", default=".", help="Folder for the outputs.  [default: .]")
 @format_option("urdf,json")
 @click.option("--reference", metavar="CURVE", help="Known centre line, in the frame of the output.")
@@ -52,6 +53,7 @@ def command(
     config_path: str | None,
     overrides: tuple[str, ...],
     convention: str | None,
+    length: float | None,
     folder: str,
     formats: str,
     reference: str | None,
@@ -72,6 +74,7 @@ def command(
     from dlogen.io.outputs import Outputs
 
     flags = [] if convention is None else [f"frame.convention={convention}"]
+    flags += [] if length is None else [f"length={length!r}"]
     config = load_config(config_path, [*overrides, *flags])
     outputs = Outputs.parse(formats, plot)
     stem = "cloud" if cloud == "-" else Path(cloud).stem
@@ -170,11 +173,11 @@ def _place(finding: Finding) -> str:
 
 def _lines(findings: tuple[Finding, ...]) -> Iterator[tuple[str, bool]]:
     """Findings as text, those of a kind in one line with the worst one's message, and whether they are mere notes."""
-    from dlogen.stages.quality.findings import SETTINGS_NOT_USED
+    from dlogen.stages.quality.findings import SETTINGS_NOT_USED, UNITS
 
     kinds: dict[tuple[str, bool], list[Finding]] = {}
     for finding in findings:
-        quiet = finding.is_note and not SETTINGS_NOT_USED.matches(finding)
+        quiet = finding.is_note and not (SETTINGS_NOT_USED.matches(finding) or UNITS.matches(finding))
         kinds.setdefault((finding.code, quiet), []).append(finding)
     for (code, quiet), alike in kinds.items():
         first = max(alike, key=lambda finding: finding.gravity)

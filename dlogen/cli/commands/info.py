@@ -45,6 +45,7 @@ def _rows(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("points", f"{found['points']} of {found['declared_points']}"),
         ("dropped", f"{dropped['non_finite']} not finite, {dropped['duplicates']} duplicates"),
         *([("very far away", f"{found['far_away']} (left out)")] if found["far_away"] else []),
+        *([] if found["mesh"] is None else [("mesh", _mesh(**found["mesh"]))]),
         ("organised", "no" if found["organised"] is None else "{} x {} pixels".format(*found["organised"])),
         ("normals stored", "yes" if found["normals"] else "no"),
         ("viewpoint", "none" if found["viewpoint"] is None else _vector(found["viewpoint"])),
@@ -53,8 +54,12 @@ def _rows(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("from", _vector(found["minimum"])),
         ("to", _vector(found["maximum"])),
     ]
+    if found["few_digits"] is not None:
+        rows.append(("digits", found["few_digits"]))
     if found["problem"] is not None:
         return [*rows, ("cannot be fitted", found["problem"])]
+    if found["nodes"]:
+        return [*rows, ("nodes", "the points lie on a line and show no width: a fit needs --set r=... (metres)")]
     scale, chosen = found["scale"], found["chosen"]
     sure = "" if scale["radius_reliable"] else " (not sure: the cross-sections do not agree on one)"
     return [
@@ -66,6 +71,15 @@ def _rows(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("N", str(chosen["N"])),
         ("normals.neighbours", str(chosen["normals.neighbours"])),
     ]
+
+
+def _mesh(triangles: int, sampled: int) -> str:
+    """Its size, and what a fit makes of it."""
+    if sampled:
+        return (
+            f"{triangles} triangles; a fit spreads {sampled} points over them (--set mesh=vertices: uses the vertices)"
+        )
+    return f"{triangles} triangles; a fit uses the vertices (--set mesh=sample: points spread over the triangles)"
 
 
 def _units(used: str, guess: str, given: bool) -> str:

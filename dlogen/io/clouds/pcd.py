@@ -88,8 +88,8 @@ def sniff(head: bytes) -> bool:
     for line in head.splitlines():
         words = line.split()
         if words and not words[0].startswith(b"#"):
-            return bool(re.match(rb"(FIELDS|COLUMNS)\s+\w|VERSION\s+0?\.\d", line.strip()))
-        if words and re.match(rb"#\s*\.PCD v", line.strip()):
+            return bool(re.match(rb"(FIELDS|COLUMNS)\s+\w|VERSION\s+0?\.\d", line.strip(), re.IGNORECASE))
+        if words and re.match(rb"#\s*\.PCD v", line.strip(), re.IGNORECASE):
             return True
     return False
 
@@ -185,16 +185,17 @@ def write(path: Path, cloud: RawCloud, encoding: str) -> None:
 
 
 def _read_header(head: bytes) -> _Header:
-    end = re.search(rb"^[ \t]*DATA\b[^\r\n]*(\r?\n|\Z)", head, re.MULTILINE)
+    end = re.search(rb"^[ \t]*DATA\b[^\r\n]*(\r?\n|\Z)", head, re.MULTILINE | re.IGNORECASE)
     if not end:
         raise endless("PCD", "DATA", head, "not a PCD file")
     entries: dict[str, list[str]] = {}
     comments: list[str] = []
     for number, line in enumerate(re.split(r"\r?\n", head[: end.end()].decode("utf-8", errors="replace")), start=1):
         keyword, *values = line.split() or ["#"]
+        keyword = keyword.upper()
         if keyword.startswith("#"):
             comment = line.strip().lstrip("#").strip()
-            if comment and not comment.startswith(".PCD v"):
+            if comment and not comment.upper().startswith(".PCD V"):
                 comments.append(comment)
         elif keyword not in _KEYWORDS or keyword in entries or not values:
             raise bad_line("PCD", number, line, "it makes no sense here")
@@ -204,7 +205,7 @@ def _read_header(head: bytes) -> _Header:
     version = entries.get("VERSION", [".7"])[0]
     if not re.fullmatch(r"0?\.[1-7]", version):
         raise InputError(f"PCD version {shorten(version)!r} is unknown", "dlogen reads the versions up to 0.7")
-    encoding = entries["DATA"][0]
+    encoding = entries["DATA"][0].lower()
     if encoding not in FORMAT.encodings:
         raise InputError(f"PCD data {shorten(encoding)!r} are unknown", f"known: {', '.join(FORMAT.encodings)}")
     width, height = _shape(entries)
@@ -217,7 +218,7 @@ def _fields(entries: dict[str, list[str]]) -> tuple[_Field, ...]:
         raise InputError("the PCD header has no line 'FIELDS'", DAMAGED)
     columns = {
         "SIZE": entries.get("SIZE", ["4"] * len(names)),
-        "TYPE": entries.get("TYPE", ["F"] * len(names)),
+        "TYPE": [kind.upper() for kind in entries.get("TYPE", ["F"] * len(names))],
         "COUNT": entries.get("COUNT", ["1"] * len(names)),
     }
     for keyword, values in columns.items():

@@ -1,7 +1,7 @@
 """PLY, the Polygon File Format (Stanford): ascii, binary little and big endian.
 
-Read: the element `vertex`, whatever other elements and properties there are. Two conventions of PCL are kept as
-well: an element `camera` is the sensor pose, `obj_info num_cols` and `num_rows` make the cloud organised.
+Read: the elements `vertex` and `face`, whatever other elements and properties there are. Two conventions of PCL are
+kept as well: an element `camera` is the sensor pose, `obj_info num_cols` and `num_rows` make the cloud organised.
 Written: coordinates (and normals) as `float` where that is exact and as `double` elsewhere, so nothing is lost.
 """
 
@@ -20,12 +20,14 @@ if TYPE_CHECKING:
     from dlogen.types import Array, RawCloud
 
 _AXES = tuple(f"{axis}_axis{part}" for axis in "xyz" for part in "xyz")
+#: Names of the list that has the corners of a face.
+_CORNERS = ("vertex_indices", "vertex_index")
 _CAMERA = ("view_px", "view_py", "view_pz", *_AXES)
 
 
 def sniff(head: bytes) -> bool:
     """Whether a file that starts like this is a PLY file."""
-    return re.match(rb"ply[ \t]*[\r\n]", head) is not None or head.strip() == b"ply"
+    return re.match(rb"ply[ \t]*[\r\n]", head, re.IGNORECASE) is not None or head.strip().lower() == b"ply"
 
 
 def read(path: Path) -> RawCloud:
@@ -37,7 +39,7 @@ def read(path: Path) -> RawCloud:
         InputError: damaged, cut off, or without coordinates.
     """
     from dlogen.io.parsing.cloud_table import locate, split
-    from dlogen.io.parsing.ply_rows import read_rows
+    from dlogen.io.parsing.ply_rows import Polygons, read_rows
     from dlogen.types import RawCloud
 
     with path.open("rb") as stream:
@@ -55,7 +57,9 @@ def read(path: Path) -> RawCloud:
         camera = _camera(header)
         if camera is not None:
             wanted[camera] = [header.elements[camera].names.index(name) for name in _CAMERA]
-        tables = read_rows(stream, header, wanted)
+        faces = _faces(header)
+        polygons = None if faces is None else Polygons(*faces)
+        tables = read_rows(stream, header, wanted, polygons)
 
     xyz, normal = split(tables[vertex])
     columns, rows = header.shape
@@ -70,6 +74,7 @@ def read(path: Path) -> RawCloud:
         format="ply",
         encoding=header.encoding,
         comments=header.comments,
+        triangles=polygons.triangles if polygons is not None and len(polygons.triangles) else None,
     )
 
 
@@ -95,6 +100,17 @@ def write(path: Path, cloud: RawCloud, encoding: str) -> None:
     info = [f"num_cols {cloud.width}", f"num_rows {cloud.height}"] if cloud.organised else []
     with path.open("wb") as stream:
         write_ply(stream, elements, encoding, comments, info)
+
+
+def _faces(header: Header) -> tuple[int, int] | None:
+    """The element and the property that have the corners of faces, if the file is a mesh."""
+    element = header.index("face")
+    if element is None:
+        return None
+    for index, item in enumerate(header.elements[element].properties):
+        if item.count and item.name.lower() in _CORNERS:
+            return element, index
+    return None
 
 
 def _camera(header: Header) -> int | None:

@@ -102,8 +102,11 @@ class Header:
     size: int  # in bytes
 
     def index(self, name: str) -> int | None:
-        """Place of the first element of that name."""
-        return next((index for index, element in enumerate(self.elements) if element.name == name), None)
+        """Place of the first element of that name; if there is none, of one with other capitals."""
+        names = [element.name for element in self.elements]
+        if name not in names:
+            names = [other.lower() for other in names]
+        return names.index(name) if name in names else None
 
 
 def read_header(stream: BinaryIO) -> Header:
@@ -113,7 +116,7 @@ def read_header(stream: BinaryIO) -> Header:
         InputError: it is not that of a PLY file, it has no end, or a line of it makes no sense.
     """
     head = stream.read(MAX_HEADER)
-    begin = re.match(rb"ply[ \t]*(\r\n|\n|\r)", head)
+    begin = re.match(rb"ply[ \t]*(\r\n|\n|\r)", head, re.IGNORECASE)
     if not begin:
         first = head[:40].splitlines()[0].decode("latin-1") if head else ""
         raise InputError(
@@ -122,7 +125,7 @@ def read_header(stream: BinaryIO) -> Header:
         )
     # Where rows end with CR alone, an LF after the header is data already.
     line_end = rb"\r" if begin[1] == b"\r" else rb"\r?\n"
-    end = re.search(rb"[\r\n][ \t]*end_header[ \t]*(" + line_end + rb"|\Z)", head)
+    end = re.search(rb"[\r\n][ \t]*end_header[ \t]*(" + line_end + rb"|\Z)", head, re.IGNORECASE)
     if not end:
         raise endless("PLY", "end_header", head, "damaged")
     builder = _HeaderBuilder()
@@ -146,23 +149,25 @@ class _HeaderBuilder:
 
     def add(self, line: str) -> None:
         words = line.split()
-        keyword = words[0] if words else "comment"
+        # The format has small letters only, but there are programs that write capitals.
+        keyword = words[0].lower() if words else "comment"
+        kind = words[1].lower() if len(words) > 1 else ""
         if keyword in ("comment", "obj_info"):
             text = line.strip()[len(keyword) :].strip()
             if text:
                 (self.comments if keyword == "comment" else self.info).append(text)
         elif keyword == "format" and len(words) == 3 and not self.encoding:
-            if words[1] not in ENCODINGS or words[2] != "1.0":
+            if kind not in ENCODINGS or words[2] != "1.0":
                 raise InputError(f"unknown format, known are: {', '.join(ENCODINGS)}, version 1.0")
-            self.encoding = words[1]
+            self.encoding = kind
         elif keyword == "element" and len(words) >= 3:
             self.elements.append((" ".join(words[1:-1]), whole_number(words[-1], "the count"), []))
-        elif keyword == "property" and len(words) >= 5 and words[1] == "list" and self.elements:
+        elif keyword == "property" and len(words) >= 5 and kind == "list" and self.elements:
             item = Property(" ".join(words[4:]), _type(words[3]), _type(words[2]))
             if item.count[0] == "f":
                 raise InputError("the count of a list is a whole number, not of this type")
             self.elements[-1][2].append(item)
-        elif keyword == "property" and len(words) >= 3 and words[1] != "list" and self.elements:
+        elif keyword == "property" and len(words) >= 3 and kind != "list" and self.elements:
             self.elements[-1][2].append(Property(" ".join(words[2:]), _type(words[1])))
         else:
             raise InputError("it makes no sense here")
@@ -187,6 +192,6 @@ class _HeaderBuilder:
 
 
 def _type(name: str) -> str:
-    if name not in TYPES:
+    if name.lower() not in TYPES:
         raise InputError(f"unknown type {shorten(name)!r}")
-    return TYPES[name]
+    return TYPES[name.lower()]

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dlogen.errors import InputError
+from dlogen.geometry.mesh_sampling import fan
 from dlogen.io.parsing.cloud_header import CUT_OFF, refuse_claim, refuse_missing, refuse_text_claim
 from dlogen.io.parsing.cloud_table import Bytes, columns_table, gather
 from dlogen.io.parsing.ply_header import BYTE_ORDERS, TYPES, Element, Header
@@ -33,13 +34,39 @@ _KEYWORDS["i8"] = _KEYWORDS["u8"] = "double"
 _LARGEST_RECORD = 1 << 31
 
 
-def read_rows(stream: BinaryIO, header: Header, wanted: Wanted) -> dict[int, Array]:
+class Polygons:
+    """Collects the corners of the polygons that a list property has.
+
+    Args:
+        element, property: where the list is in the header.
+    """
+
+    def __init__(self, element: int, property: int) -> None:
+        self.element, self.property = element, property
+        self._triangles: list[IntArray] = []
+
+    def add(self, corners: npt.NDArray[Any], counts: IntArray) -> None:
+        """(sum of counts,) indices of vertices, and how many corners each polygon has."""
+        # What is no index names no vertex; comparing with NaN is False.
+        with np.errstate(invalid="ignore"):
+            possible = (corners >= 0) & (corners < 1 << 31)
+            numbers: IntArray = np.where(possible, corners, -1).astype(np.int32)
+        self._triangles.append(fan(numbers, counts))
+
+    @property
+    def triangles(self) -> IntArray:
+        """(T, 3) indices of vertices as the file has them; -1 for what cannot be one."""
+        return np.concatenate([np.empty((0, 3), dtype=np.int32), *self._triangles])
+
+
+def read_rows(stream: BinaryIO, header: Header, wanted: Wanted, polygons: Polygons | None = None) -> dict[int, Array]:
     """The wanted properties of the wanted elements, as float64 columns. All elements have to be complete.
 
     Args:
         stream: the file that the header is of.
         header: what it says.
         wanted: which properties, none of them lists.
+        polygons: takes what the list has that it names.
 
     Raises:
         InputError: the file is damaged or cut off.
@@ -53,14 +80,20 @@ def read_rows(stream: BinaryIO, header: Header, wanted: Wanted) -> dict[int, Arr
             refuse_claim(element.what, element.rows, element.smallest, available, at_most=element.has_lists)
     stream.seek(header.size)
     if is_text:
-        return _read_text(stream, header, wanted)
+        return _read_text(stream, header, wanted, polygons)
     return {
-        index: _read_binary(stream, element, wanted.get(index, []), header.encoding)
+        index: _read_binary(
+            stream,
+            element,
+            wanted.get(index, []),
+            header.encoding,
+            polygons if polygons is not None and polygons.element == index else None,
+        )
         for index, element in enumerate(header.elements)
     }
 
 
-def _read_text(stream: BinaryIO, header: Header, wanted: Wanted) -> dict[int, Array]:
+def _read_text(stream: BinaryIO, header: Header, wanted: Wanted, polygons: Polygons | None) -> dict[int, Array]:
     """By hand: plyfile takes 4 to 6 times as long, and refuses blanks at the ends of rows and "-nan(ind)"."""
     rows = TextRows(stream)
     tables = {}
@@ -69,7 +102,7 @@ def _read_text(stream: BinaryIO, header: Header, wanted: Wanted) -> dict[int, Ar
         if not element.properties:
             tables[index] = np.empty((0, 0))
         elif element.has_lists:
-            pick = _ListPicker(element, columns)
+            pick = _ListPicker(element, columns, polygons if polygons and polygons.element == index else None)
             tables[index] = rows.collect(element.rows, element.what, len(columns), pick)
         else:
             tables[index] = rows.table(element.rows, element.what, len(element.properties), columns)
@@ -80,9 +113,10 @@ def _read_text(stream: BinaryIO, header: Header, wanted: Wanted) -> dict[int, Ar
 class _ListPicker:
     """Picks columns from rows of text with lists in them: numbers one after the other -> (k, len(columns))."""
 
-    def __init__(self, element: Element, columns: list[int]) -> None:
+    def __init__(self, element: Element, columns: list[int], polygons: Polygons | None) -> None:
         self.element = element
         self.columns = columns
+        self.polygons = polygons
 
     def __call__(self, values: Array, first: IntArray, row: int) -> Array:
         what = self.element.what
@@ -98,12 +132,18 @@ class _ListPicker:
                 counts = values[at - 1]
                 fits = (counts >= 0) & (counts <= end - at) & (counts == np.floor(counts))
                 refuse_rows(~fits, first, row, what, "as many as its lists need")
-                at = at + counts.astype(np.intp)
+                sizes = counts.astype(np.intp)
+                if self.polygons is not None and self.polygons.property == index:
+                    before = np.cumsum(sizes) - sizes
+                    self.polygons.add(values[np.repeat(at - before, sizes) + np.arange(sizes.sum())], sizes)
+                at = at + sizes
         refuse_rows(at != end, first, row, what, "as many as its lists need")
         return out
 
 
-def _read_binary(stream: BinaryIO, element: Element, columns: list[int], encoding: str) -> Array:
+def _read_binary(
+    stream: BinaryIO, element: Element, columns: list[int], encoding: str, polygons: Polygons | None
+) -> Array:
     """Columns of the element whose rows begin where the stream is; leaves the stream at their end."""
     if not element.rows or not element.properties:
         return np.empty((0, len(columns)))
@@ -122,19 +162,32 @@ def _read_binary(stream: BinaryIO, element: Element, columns: list[int], encodin
     if isinstance(data, np.memmap) and element.rows * (end - start) <= size - start and end - start < _LARGEST_RECORD:
         stream.seek(start)
         try:
-            return columns_table(_mapped(stream, element, columns, encoding, walk.lengths), element.rows)
+            lists = [] if polygons is None else [polygons.property]
+            found = _mapped(stream, element, columns + lists, encoding, walk.lengths)
+            if polygons is not None:
+                corners = found.pop()
+                polygons.add(corners.reshape(-1), np.full(element.rows, corners.shape[1]))
+            return columns_table(found, element.rows)
         except PlyParseError:
             pass
     # Where they vary, rows are walked one by one by hand. plyfile takes 2.5 to 5 times as long, asks for the memory of
     # a list before it looks whether the file has it (1 GB for 8 bytes that claim 2^27 doubles), and takes a list of -1
     # bytes for all that is left of the file.
     offsets = np.empty((element.rows, len(columns)), dtype=np.intp)
+    spans = np.empty((element.rows if polygons else 0, 2), dtype=np.intp)
     end = start
     for row in range(element.rows):
         places, end = walk(end, row)
         if columns:
             offsets[row] = [places[index] for index in columns]
+        if polygons:
+            spans[row] = places[polygons.property], walk.lengths[polygons.property]
     stream.seek(end)
+    if polygons:
+        item, sizes = element.properties[polygons.property], spans[:, 1]
+        first = np.repeat(spans[:, 0] + int(item.count[1]), sizes)
+        within = np.arange(sizes.sum()) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+        polygons.add(gather(data, first + within * int(item.type[1]), order + item.type), sizes)
     codes = [order + element.properties[column].type for column in columns]
     return columns_table(
         [gather(data, place, code) for place, code in zip(offsets.T, codes, strict=True)], element.rows

@@ -16,6 +16,8 @@ from dlogen.types import Array, BoolArray, IntArray
 
 _BLOCK = 1 << 20
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan(\(\w*\))?|inf|infinity)", re.IGNORECASE)
+# As the settings of many countries have it.
+_DECIMAL_COMMA = re.compile(rb"[+-]?\d*,\d+([eE][+-]?\d+)?")
 # How Microsoft's older C library prints what is not a number.
 _MICROSOFT = re.compile(rb"1\.#(QNAN|SNAN|IND|(INF))\d*", re.IGNORECASE)
 
@@ -158,10 +160,19 @@ def _numbers(text: bytes, first: IntArray, row: int, what: str) -> Array:
         if not _NUMBER.fullmatch(token) and not _MICROSOFT.fullmatch(token.lstrip(b"+-")):
             row += int(np.searchsorted(first, index, side="right"))
             raise InputError(
-                f"row {row} of the {what}: {shorten(token.decode('latin-1'))!r} is not a number",
-                "the file is cut off, or does not write numbers like -1.5e-3 with blanks between: export it again",
+                f"row {row} of the {what}: {shorten(token.decode('latin-1'))!r} is not a number", _number_hint(token)
             )
     raise InputError(f"the rows of the {what} are not text", CUT_OFF)
+
+
+def _number_hint(token: bytes) -> str:
+    """What to do about something that is not a number."""
+    if _DECIMAL_COMMA.fullmatch(token):
+        return "it has a decimal comma: export the file again with a decimal point, as -1.5e-3"
+    if b"," in token or b";" in token:
+        mark = "commas" if b"," in token else "semicolons"
+        return f"numbers are set apart by blanks, not by {mark}: export the file again"
+    return "the file is cut off, or does not write numbers like -1.5e-3 with blanks between: export it again"
 
 
 def _parse(text: bytes) -> Array | None:

@@ -78,9 +78,11 @@ def check_line(
     if surface:
         findings += _check_distances(radius, distance, on_tube)
     if line.length > _LONGEST:
-        findings.append(UNITS.found(f"the object is {line.length:.0f} m long: set units (mm, cm) if it is not"))
+        findings.append(
+            UNITS.found(f"the object is {line.length:.0f} m long: set units (mm, cm) if it is not", "doubtful")
+        )
     if line.length < _SHORTEST:
-        findings.append(UNITS.found(f"the object is only {1e3 * line.length:.2g} mm long: check units"))
+        findings.append(UNITS.found(f"the object is only {1e3 * line.length:.2g} mm long: check units", "doubtful"))
     return findings
 
 

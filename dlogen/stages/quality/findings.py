@@ -154,9 +154,29 @@ TOO_FEW_POINTS = _kind(
 )
 UNITS = _kind(
     "units",
-    ("doubtful",),
-    "The object is longer or shorter than cables are: the numbers of the cloud look like other units.",
-    "Set units to what the numbers of the cloud are (m, cm or mm), if they are not metres.",
+    ("note", "doubtful", "bad"),
+    "The object is thicker, longer or shorter than cables are (other units?); a note says what auto took.",
+    "Set units to what the numbers of the cloud are (m, cm or mm). If they are right, give r, the radius in metres.",
+)
+FEW_DIGITS = _kind(
+    "few-digits",
+    ("note", "doubtful", "bad"),
+    "The numbers have too few digits so far from the origin: their steps are large beside the object.",
+    "Export the cloud with double precision, or subtract the survey offset before it is stored in single precision. "
+    "What was rounded away cannot be found again.",
+)
+COARSE_GRID = _kind(
+    "coarse-grid",
+    ("note", "doubtful"),
+    "The points lie on a grid, as centres of voxels do: if it is coarse, the object seems thicker than it is.",
+    "Thin the cloud out with smaller voxels, or keep the mean of the points of each voxel in place of its centre; or "
+    "give r.",
+)
+MESH_SAMPLED = _kind(
+    "mesh-sampled",
+    ("note",),
+    "The file is a mesh whose vertices do not cover its surface: points spread over its faces were used.",
+    "Nothing. To use the vertices, set mesh to vertices.",
 )
 
 # Where the line is a guess.
@@ -211,6 +231,14 @@ POINTS_NOT_REACHED = _kind(
     "The line misses some of the points along the object: there are strays, a branch, a gap or a second object.",
     "See where the line ends (--plot) and leave only the object in the cloud. With profile: paper, try a larger r_n, "
     "or profile: refined.",
+)
+LEFT_OVER = _kind(
+    "left-over",
+    ("doubtful",),
+    "Points that lie together, as dense as those of the object, are not on the line: a tip that it does not reach, or "
+    "something else.",
+    "See what is there (--plot): if it is part of the object, capture what is between it and the rest; if not, take it "
+    "out of the cloud.",
 )
 POINTS_OFF_THE_TUBE = _kind(
     "points-off-the-tube",
@@ -282,6 +310,13 @@ DEVIATION_ABOVE_E_MAX = _kind(
     ("doubtful",),
     "The chain is farther from the line than e_max: its segments are as they were asked for, and too long for that.",
     "Ask for more or shorter segments, leave the settings in segmentation at auto, or allow a larger e_max.",
+)
+LENGTH_MISMATCH = _kind(
+    "length-mismatch",
+    ("doubtful",),
+    "The line is longer or shorter than the known length that was given (by more than 3 %).",
+    "If it is shorter, a part of the object is not in the cloud or was left out; if it is longer, the line takes in "
+    "something else (--plot). Check length and units, which are metres for length whatever the cloud has.",
 )
 SETTINGS_NOT_USED = _kind(
     "settings-not-used",

@@ -22,6 +22,11 @@ from dlogen.types import Array, BoolArray, IntArray
 SHORTEST = 2.5
 #: A piece that ends nearer to another than this, in radii, may belong to it there.
 _JUNCTION = 3.0
+#: Vertices of strands in a view that are nearer to each other than this, in radii, lie one over the other; those of one
+#: piece are two strands from this distance along it on.
+_CROSSED, _SAME_STRAND = 1.3, 8.0
+#: A piece has a kink where its directions over so many vertices before and after have a smaller cosine than this.
+_ARM, _KINK = 3, 0.35
 
 
 def trace_pieces(nodes: Nodes, radius: float, per_radius: float) -> list[Piece]:
@@ -180,13 +185,19 @@ def _smoothed(points: Array, weight: Array) -> Array:
     return result
 
 
-def cut_at_junctions(pieces: list[Piece], radius: float) -> list[Piece]:
+def cut_at_junctions(pieces: list[Piece], radius: float, *, crossings: bool = False) -> list[Piece]:
     """Cut pieces wherever the end of another piece, or their own, comes near.
+
+    Args:
+        pieces: as they were traced.
+        radius: of the tube, metres.
+        crossings: cut pieces as well where they run over one another: in a view, strands that cross are in one place,
+            and a path through it may turn from one into the other.
 
     Returns:
         What is left; the region around a cut is left out.
     """
-    cuts: list[list[int]] = [[] for _ in pieces]
+    kept = [np.ones(len(piece.points), dtype=bool) for piece in pieces]
     for i, piece in enumerate(pieces):
         for end in (0, -1):
             tip = piece.points[end]
@@ -197,13 +208,44 @@ def cut_at_junctions(pieces: list[Piece], radius: float) -> list[Piece]:
                     distance[np.abs(along - along[end]) < 3.0 * _JUNCTION * radius] = np.inf
                 nearest = int(np.argmin(distance))
                 if distance[nearest] < _JUNCTION * radius and 2 < nearest < len(other.points) - 3:
-                    cuts[j].append(nearest)
+                    kept[j][max(nearest - 1, 0) : nearest + 2] = False
+    if crossings:
+        for piece, part, over in zip(pieces, kept, _crossed(pieces, radius), strict=True):
+            part &= ~(over | _kinked(piece.points))
     result: list[Piece] = []
-    for piece, at in zip(pieces, cuts, strict=True):
-        kept = np.ones(len(piece.points), dtype=bool)
-        for index in at:
-            kept[max(index - 1, 0) : index + 2] = False
-        for first, last in zip(*runs(kept), strict=True):
+    for piece, part in zip(pieces, kept, strict=True):
+        for first, last in zip(*runs(part), strict=True):
             if last - first >= 3:
                 result.append(Piece(piece.points[first:last], piece.weight[first:last]))
     return result
+
+
+def _crossed(pieces: list[Piece], radius: float) -> list[BoolArray]:
+    """Which vertices of pieces lie where another piece, or another part of the same one, runs over them."""
+    numbers = np.concatenate([np.full(len(piece.points), number) for number, piece in enumerate(pieces)])
+    along = np.concatenate([arc_lengths(piece.points) for piece in pieces])
+    points = np.concatenate([piece.points for piece in pieces])
+    pairs = cKDTree(points).query_pairs(_CROSSED * radius, output_type="ndarray")
+    i, j = pairs.T
+    apart = (numbers[i] != numbers[j]) | (np.abs(along[i] - along[j]) > _SAME_STRAND * radius)
+    over = np.zeros(len(points), dtype=bool)
+    over[pairs[apart].ravel()] = True
+    # The vertex on either side is as mixed up.
+    result = []
+    for part in np.split(over, np.cumsum([len(piece.points) for piece in pieces])[:-1]):
+        wider = part.copy()
+        wider[1:] |= part[:-1]
+        wider[:-1] |= part[1:]
+        result.append(wider)
+    return result
+
+
+def _kinked(points: Array) -> BoolArray:
+    """Which vertices of a piece lie where it turns so sharply that it left one strand for another."""
+    if len(points) < 2 * _ARM + 1:
+        return np.zeros(len(points), dtype=bool)
+    before = unit(points[_ARM:-_ARM] - points[: -2 * _ARM])
+    after = unit(points[2 * _ARM :] - points[_ARM:-_ARM])
+    sharp = np.zeros(len(points), dtype=bool)
+    sharp[_ARM:-_ARM] = dots(before, after) < _KINK
+    return sharp

@@ -21,6 +21,12 @@ _BLIND = 8.0
 _BLIND_TURN = 1.8
 
 
+#: What it is worth that a piece is used rather than left over, in the units of `bending_cost`.
+_USED = 1.0
+#: A piece of so many radii is worth all of it; a shorter one, its share.
+_LONG = 12.0
+
+
 @dataclass(frozen=True)
 class Join:
     """Two ends of pieces that belong together.
@@ -50,6 +56,7 @@ def join_pieces(pieces: list[Piece], radius: float) -> list[Join]:
         for b in range(a + 1, len(cost)):
             if a // 2 != b // 2 and _gap(pieces, a, b) < _LONGEST_GAP * total:
                 cost[a, b] = cost[b, a] = bending_cost(*anchors[a], *anchors[b], radius)
+    worth = np.array([min(piece.length / (_LONG * radius), 1.0) for piece in pieces])
     chosen: list[tuple[int, int]] = []
     for flat in np.argsort(cost, axis=None, kind="stable"):
         a, b = divmod(int(flat), len(cost))
@@ -59,6 +66,8 @@ def join_pieces(pieces: list[Piece], radius: float) -> list[Join]:
             chosen.append((a, b))
     while True:
         options = [option for number in range(len(chosen)) for option in _alternatives(chosen, number, cost)]
+        options += [option for number in range(len(chosen)) for option in _insertions(chosen, number, cost, worth)]
+        options += [option for number in range(len(pieces)) for option in _replacements(chosen, number, cost, worth)]
         gain, better = min(options, key=lambda option: option[0], default=(0.0, chosen))
         if gain > -1e-9:
             break
@@ -145,6 +154,42 @@ def _alternatives(chosen: list[tuple[int, int]], number: int, cost: Array) -> li
         before = cost[a, b] + cost[c, d]
         options.append((cost[a, c] + cost[b, d] - before, [*rest, (a, c), (b, d)]))
         options.append((cost[a, d] + cost[b, c] - before, [*rest, (a, d), (b, c)]))
+    return [(float(more), joins) for more, joins in options if np.isfinite(more) and _is_path(joins)]
+
+
+def _insertions(
+    chosen: list[tuple[int, int]], number: int, cost: Array, worth: Array
+) -> list[tuple[float, list[tuple[int, int]]]]:
+    """Ways to take a piece that is left over in between the two ends of a join, as a loop that ends where it begins."""
+    a, b = chosen[number]
+    others = chosen[:number] + chosen[number + 1 :]
+    busy = {end for join in chosen for end in join}
+    options = []
+    for first in range(len(cost)):
+        last = first ^ 1
+        if first not in busy and last not in busy:
+            more = cost[a, first] + cost[last, b] - cost[a, b] - _USED * worth[first // 2]
+            options.append((more, [*others, (a, first), (last, b)]))
+    return [(float(more), joins) for more, joins in options if np.isfinite(more) and _is_path(joins)]
+
+
+def _replacements(
+    chosen: list[tuple[int, int]], number: int, cost: Array, worth: Array
+) -> list[tuple[float, list[tuple[int, int]]]]:
+    """Ways to take a longer piece that is left over instead of one between two joins, where strands share a stretch."""
+    joins = [join for join in chosen if join[0] // 2 == number or join[1] // 2 == number]
+    if len(joins) != 2:
+        return []
+    others = [join for join in chosen if join not in joins]
+    a, b = (join[1] if join[0] // 2 == number else join[0] for join in joins)
+    before = sum(cost[join] for join in joins)
+    busy = {end for join in chosen for end in join}
+    options = []
+    for first in range(len(cost)):
+        last = first ^ 1
+        if first not in busy and last not in busy:
+            more = cost[a, first] + cost[last, b] - before - _USED * (worth[first // 2] - worth[number])
+            options.append((more, [*others, (a, first), (last, b)]))
     return [(float(more), joins) for more, joins in options if np.isfinite(more) and _is_path(joins)]
 
 

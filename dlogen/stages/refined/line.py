@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from dlogen.config.fields import given
@@ -22,7 +24,9 @@ from dlogen.stages.quality.contacts import check_contacts
 from dlogen.stages.quality.cross_section import check_cross_section
 from dlogen.stages.quality.cut_ends import cut_ends
 from dlogen.stages.quality.findings import CLOSED_RING, SIDE_BY_SIDE
+from dlogen.stages.quality.left_over import check_left_over
 from dlogen.stages.refined.fit_findings import fit_findings
+from dlogen.stages.refined.node_line import clear_nodes, possible_nodes
 from dlogen.stages.refined.ordering import Ordering, order_strip
 from dlogen.stages.refined.refine import Refined, refine
 from dlogen.stages.refined.regime import hides_surface, is_doubted, shows_surface
@@ -59,6 +63,22 @@ def refined_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:
         FitError: no line can be made from it.
     """
     points, known = cloud.points, given(config.r)
+    nodes = clear_nodes(points, known)
+    if nodes is not None:
+        return replace(nodes, findings=(*check_settings_used(config, _PAPER_ONLY), *nodes.findings))
+    try:
+        return _tube_line(cloud, known, config, clock)
+    except FitError:
+        # What has no width is no tube, but may be the nodes of a tracker.
+        nodes = possible_nodes(points, known)
+        if nodes is None:
+            raise
+        return replace(nodes, findings=(*check_settings_used(config, _PAPER_ONLY), *nodes.findings))
+
+
+def _tube_line(cloud: Cloud, known: float | None, config: Config, clock: Clock) -> FittedLine:
+    """The line of points that lie on a surface."""
+    points = cloud.points
     with clock.stage("scale"):
         check_given_radius(points, known)
         scale = estimate_scale(points, radius=known)
@@ -90,6 +110,8 @@ def _fitted(cloud: Cloud, ordering: Ordering, known: float | None) -> Refined | 
         if not ordering.noisy and not is_doubted(fitted):
             return fitted
     except FitError as reason:
+        if any(item.is_bad for item in ordering.findings):
+            raise explained(reason, ordering.findings) from reason
         fitted, failed = None, reason
     if not ordering.noisy:
         seen = _strip(cloud, ordering, known)
@@ -122,7 +144,11 @@ def _of_strand(points: Array, ordering: Ordering, fit: StrandFit, side: bool, co
             Intermediate("tube", points[along], {"s": fit.s[along], "residual": fit.residuals[along]}, colour="s"),
             Intermediate("off_tube", points[~fit.inliers], {"residual": fit.residuals[~fit.inliers]}),
         ),
-        (*check_settings_used(config, _PAPER_ONLY), *strand_findings(fit, ordering, given(config.r), side)),
+        (
+            *check_settings_used(config, _PAPER_ONLY),
+            *strand_findings(fit, ordering, given(config.r), side),
+            *check_left_over(points, fit.skeleton, fit.half_width, fit.noise),
+        ),
         {"r": fit.radius, "N": fit.skeleton.basis.size},
         fit.regime,
     )
@@ -159,6 +185,7 @@ def _of_surface(points: Array, ordering: Ordering, fitted: Refined, config: Conf
             *([] if ring else check_contacts(even, ordering.backbone, radius)),
             *cut_ends(points, s, on_tube, skeleton, radius),
             *check_followed(points, ordering.backbone, residual + radius, radius),
+            *check_left_over(points, skeleton, radius, fitted.noise),
             *check_radius_along(skeleton, radius, s, residual + radius),
             *([] if oval else check_cross_section(points, s, residual, skeleton, radius)),
             *check_bends(skeleton, radius, s[on_tube]),

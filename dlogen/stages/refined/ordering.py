@@ -6,6 +6,7 @@ says so. What comes out is the same for every order of the input points.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -55,6 +56,8 @@ _BRANCH = 5.0
 #: What is left over is something if it is so long, in radii and as a share of the line; if its points are as dense as
 #: those of the line, so many radii are enough, for these are no strays.
 _LEFT_OVER, _LEFT_OVER_SHARE, _DENSE_LEFT_OVER = 4.0, 0.02, 3.0
+#: In a view, what is left over and shorter than this share of the line is doubtful only.
+_SHORT_LEFT_OVER = 0.05
 #: Density over the least one of the line from which on points count as dense.
 _DENSE = 0.5
 #: Shares of the length: up to the one a gap is bridged without doubt, beyond the other it makes two objects.
@@ -98,6 +101,7 @@ class Ordering:
         findings: what a user should know.
         noisy: the points scatter so much that their normals say nothing.
         thread: they are too few to show a width, too (`dlogen.stages.refined.thread`).
+        half_width: of the strip that they are then, metres.
     """
 
     backbone: Array
@@ -107,6 +111,7 @@ class Ordering:
     findings: tuple[Finding, ...]
     noisy: bool = False
     thread: bool = False
+    half_width: float = float("nan")
 
 
 def order(
@@ -160,8 +165,10 @@ def order(
     tree = cKDTree(sample)
     spacing = scale.spacing / np.sqrt(thinned)
     votes, projected = axis_votes(sample, tree, r, spacing)
-    if projected.any() and not votes_agree(sample, votes, projected, r):
-        return order_strip(points, scale, radius, viewpoint)
+    if projected.any() and not votes_agree(sample, votes, projected, r) and not _wrong_radius(points, radius):
+        # A table or a ball is no strip either: what it is is said of the line through its votes.
+        with contextlib.suppress(FitError):
+            return order_strip(points, scale, radius, viewpoint)
     return _traced(
         sample,
         votes,
@@ -171,6 +178,7 @@ def order(
         scale,
         radius is None,
         radius is not None or scale.radius_reliable,
+        False,
         lambda place: place + origin,
     )
 
@@ -182,6 +190,17 @@ def _sample_size(count: int, per_radius: float) -> int:
     return int(np.clip(_PER_RADIUS * radii, 1000, most))
 
 
+def _wrong_radius(points: Array, radius: float | None) -> bool:
+    """Whether normals say nothing with a given radius only because it is wrong."""
+    if radius is None:
+        return False
+    scale = estimate_scale(points)
+    sample = points[spatial_sample(points, _SAMPLE)]
+    spacing = scale.spacing * np.sqrt(len(points) / len(sample))
+    votes, projected = axis_votes(sample, cKDTree(sample), scale.radius, spacing)
+    return bool(projected.any()) and votes_agree(sample, votes, projected, scale.radius)
+
+
 def order_strip(points: Array, scale: Scale, radius: float | None, viewpoint: Array | None) -> Ordering:
     """The order of a cloud whose depth is noise: found where its edges are sharp, in the view.
 
@@ -191,12 +210,12 @@ def order_strip(points: Array, scale: Scale, radius: float | None, viewpoint: Ar
     view = None if viewpoint is None else FlatView.of(points, viewpoint, None)
     half_width = scale.half_width if np.isfinite(scale.half_width) else (radius or scale.radius)
     if view is None:
-        rough = _order_noise(points, scale, _STRIP * half_width, radius is None, None)
+        rough = _order_noise(points, scale, half_width, radius is None, None)
         direction, ratio = thin_direction(points - points.mean(axis=0), rough.backbone - points.mean(axis=0))
         if ratio < ONE_SIDED:
             return rough
         view = FlatView.of(points, None, direction)
-    return _order_noise(points, scale, _FLAT_STRIP * half_width, radius is None, view)
+    return _order_noise(points, scale, half_width, radius is None, view)
 
 
 def follow(points: Array, step: float, per_step: float, scale: Scale) -> Ordering:
@@ -209,11 +228,12 @@ def follow(points: Array, step: float, per_step: float, scale: Scale) -> Orderin
         scale: of the cloud.
     """
     scale = replace(scale, radius=step, per_radius=per_step, line_share=1.0, round=True)
-    return _order_noise(points, scale, step, True, None)
+    return _order_noise(points, scale, step / _STRIP, True, None)
 
 
-def _order_noise(points: Array, scale: Scale, r: float, estimated: bool, view: FlatView | None) -> Ordering:
-    """The order of points without normals, followed with a radius."""
+def _order_noise(points: Array, scale: Scale, half_width: float, estimated: bool, view: FlatView | None) -> Ordering:
+    """The order of points without normals, of a strip so wide."""
+    r = (_STRIP if view is None else _FLAT_STRIP) * half_width
     per_radius = scale.per_radius * r / scale.radius
     sample = points[spatial_sample(points, _sample_size(len(points), per_radius))]
     per_radius *= len(sample) / len(points)
@@ -226,7 +246,11 @@ def _order_noise(points: Array, scale: Scale, r: float, estimated: bool, view: F
         return flat + origin if view is None else view.back(flat + origin)
 
     nothing = np.zeros(len(sample), dtype=bool)
-    return replace(_traced(sample, sample, nothing, r, per_radius, scale, estimated, False, place), noisy=True)
+    return replace(
+        _traced(sample, sample, nothing, r, per_radius, scale, estimated, False, view is not None, place),
+        noisy=True,
+        half_width=half_width,
+    )
 
 
 def _traced(
@@ -238,6 +262,7 @@ def _traced(
     scale: Scale,
     estimated: bool,
     centred: bool,
+    in_view: bool,
     place: Callable[[Array], Array],
 ) -> Ordering:
     """The order of a sample; `place` brings places in it to those of the cloud."""
@@ -252,7 +277,7 @@ def _traced(
         )
     if centred:
         found = [replace(piece, points=recentre(piece.points, sample, tree, r, per_radius)) for piece in found]
-    pieces = cut_at_junctions(found, r)
+    pieces = cut_at_junctions(found, r, crossings=in_view)
     joins = join_pieces(pieces, r)
     lines = [_Line.of(pieces, *chain, r) for chain in chains(len(pieces), joins)]
     longest = max(lines, key=lambda candidate: candidate.length)
@@ -261,7 +286,7 @@ def _traced(
     near = _around(sample[:: -(-len(sample) // _LOOKED_AT)], line.points, r, scale.noise)
     findings = [
         *_about_cloud(scale, estimated, per_radius, near, line, r),
-        *_about_rest(others, line, r, place),
+        *_about_rest(others, line, r, place, in_view=in_view),
         *_about_ends(line, r, place),
     ]
     bridges = _bridges(line, sample, tree, r)
@@ -415,8 +440,10 @@ def _about_cloud(
     return findings
 
 
-def _about_rest(others: list[_Line], line: _Line, r: float, place_of: Callable[[Array], Array]) -> list[Finding]:
-    """Chains that are not part of the line."""
+def _about_rest(
+    others: list[_Line], line: _Line, r: float, place_of: Callable[[Array], Array], *, in_view: bool
+) -> list[Finding]:
+    """Chains that are not part of the line; in a view, short ones may be pixels that fly behind an edge."""
     findings = []
     thinnest = float(np.min(line.densities))
     for other in others:
@@ -426,6 +453,11 @@ def _about_rest(others: list[_Line], line: _Line, r: float, place_of: Callable[[
         distance, index = cKDTree(line.points).query(other.points)
         nearest = int(np.argmin(distance))
         what = f"{millimetres(other.length)} long"
+        if in_view and other.length < _SHORT_LEFT_OVER * line.length:
+            place = as_place(place_of(other.points[len(other.points) // 2]))
+            message = f"a group of points {what} is not part of the line and was left out"
+            findings.append(STRAY_POINTS.found(message, "doubtful", position=place))
+            continue
         if distance[nearest] < _BRANCH * r:
             place = as_place(place_of(line.points[index[nearest]]))
             s = float(index[nearest] / (len(line.points) - 1))

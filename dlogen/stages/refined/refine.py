@@ -34,7 +34,7 @@ _COARSE, _FINE = 3.0, 1.25
 _ROUGH_INTERVALS, _MOST_INTERVALS = 96, 20_000
 
 #: Rounds of searching for the points near the curve, and for its ends: each gets a radius farther.
-_ROUNDS = 6
+_ROUNDS = 30
 
 #: Points that the backbone is brought to the axis with, and points of the fit proper; larger clouds are fitted by
 #: subsets of these sizes first. The last steps use a million points at most.

@@ -34,16 +34,22 @@ from dlogen.stages.refined.tube_curve import (
 from dlogen.types import Array, BoolArray
 
 #: Knot spacing over half the width, at first and in the end; most intervals.
-_COARSE, _FINE, _MOST = 4.0, 2.0, 20_000
+_COARSE, _FINE, _MOST = 8.0, 3.0, 20_000
 
 #: Rounds at first, which follow the ends, and rounds of the fit proper.
-_ROUGH_ROUNDS, _ROUNDS = 5, 5
+_ROUGH_ROUNDS, _ROUNDS = 40, 5
+
+#: Half widths that the ends are followed by at a time.
+_ON = 3.0
+
+#: A gap at an end of so many half widths is a strand that crosses there.
+_OVER = 5.0
 
 #: Points of the rounds at first, and of those of the fit proper; the last one has all.
 _FEW, _SOME = 3000, 8000
 
 #: Distance of the knots of a line that follows the shape of the object but not the noise, in half widths.
-_SHAPE = 12.0
+_SHAPE = 20.0
 
 #: Points are near the strand up to so many half widths across the view.
 _NEAR = 2.5
@@ -103,8 +109,9 @@ def fit_strand(points: Array, rays: Array, backbone: Array, half_width: float) -
     curve = from_polyline(backbone, _COARSE * half_width, half_width, 1.0)
     strand = Strand(curve, half_width, nothing, nothing, nothing, (half_width, half_width), (1.0, 1.0))
     for step in range(_ROUGH_ROUNDS):
-        strand = _step(points, rays, strand, search=step == 0, least=-3.0)
-        grown = _supported(strand, 1.0, _COARSE * half_width)
+        # Beyond a strand that it crosses, an end goes on: far enough to see that, and the points there have to be found.
+        strand = _step(points, rays, strand, search=True, least=-3.0)
+        grown = _supported(strand, _ON, _COARSE * half_width)
         if step >= 1 and grown.curve.length < strand.curve.length + 0.5 * half_width:
             break
         strand = grown
@@ -210,5 +217,5 @@ def components(curve: TubeCurve, k, t, offset: Array, rays: Array) -> tuple[Arra
 
 def _supported(strand: Strand, margin: float, spacing: float) -> Strand:
     inlier = (strand.deviation < 1.0) & strand.on_curve
-    curve, x = on_support(strand.curve, strand.x, inlier, strand.half_width, margin, spacing, _MOST)
+    curve, x = on_support(strand.curve, strand.x, inlier, strand.half_width, margin, spacing, _MOST, _OVER)
     return replace(strand, curve=curve, x=x)

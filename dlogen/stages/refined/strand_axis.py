@@ -27,7 +27,7 @@ _EDGE, _EDGE_AT = 0.95, 0.97
 _STRETCH, _FEWEST = 4.0, 12
 
 #: A mask is off by a pixel at either edge; the rest of a width is uncertain by this share.
-_PIXELS, _SHARE = 0.7, 0.04
+_PIXELS, _SHARE = 0.6, 0.04
 
 #: A strip whose half width is less than so many pixels is a thread.
 _PIXELS_WIDE = 2.5

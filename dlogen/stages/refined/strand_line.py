@@ -15,6 +15,7 @@ from dlogen.stages.quality.findings import (
     GAP,
     NOISE,
     POSITION_UNCERTAIN,
+    RADIUS_MISMATCH,
     RADIUS_UNKNOWN,
     RADIUS_VARIES,
     SIDE_BY_SIDE,
@@ -38,6 +39,9 @@ _SURE = 4.0
 #: Relative deviation of the width of a stretch that is reported.
 _UNEVEN = 0.35
 
+#: Relative deviation of a given radius from half the width that is reported: masks are a pixel or two too wide.
+_CONTRADICTED = 0.5
+
 #: Strands beside each other for longer than this, in radii, may have been mixed up.
 _SIDE_BY_SIDE = 10.0
 
@@ -56,19 +60,20 @@ def strand_fit(
     origin = ordering.backbone.mean(axis=0)
     near, backbone = points - origin, ordering.backbone - origin
     columns = np.ascontiguousarray(near.T)
+    half_width = ordering.half_width if ordering.noisy else ordering.radius
     direction, ratio = thin_direction(near, backbone)
     if ordering.thread or (viewpoint is None and ratio < ONE_SIDED):
-        if not ordering.thread and (radius is None or ordering.radius < _THREAD * radius):
+        if not ordering.thread and (radius is None or half_width < _THREAD * radius):
             return None
         # A wire in noise that is the same all around: no direction is the view, and any will do.
         tangent = unit(np.gradient(backbone, axis=0))
         view = np.ascontiguousarray(normals_to(tangent[cKDTree(backbone).query(near)[1]]).T)
         return object_of(
-            fit_strand(columns, view, backbone, ordering.radius), columns, view, radius, origin, side=True, around=True
+            fit_strand(columns, view, backbone, half_width), columns, view, radius, origin, side=True, around=True
         ), True
     view = rays(columns, None if viewpoint is None else viewpoint - origin, direction)
     assert view is not None
-    strand = fit_strand(columns, view, backbone, ordering.radius)
+    strand = fit_strand(columns, view, backbone, half_width)
     side = viewpoint is not None
     if not side:
         sure = _behind_at_edges(strand)
@@ -103,6 +108,9 @@ def strand_findings(fit: StrandFit, ordering: Ordering, known: float | None, sid
     if known is None and not fit.radius_known:
         share = 100.0 * fit.radius_std / fit.radius
         findings.append(RADIUS_UNKNOWN.found(f"the width of the strip tells the radius to {share:.0f} % only: give r"))
+    if known is not None and fit.regime == "strand" and abs(fit.half_width / known - 1.0) > _CONTRADICTED:
+        message = f"r = {millimetres(known)} was given, but the strip is {millimetres(2.0 * fit.half_width)} wide"
+        findings.append(RADIUS_MISMATCH.found(message))
     worst = int(np.argmax(fit.position_std))
     if fit.position_std[worst] > fit.radius:
         text = f"the line is known to {millimetres(float(fit.position_std[worst]))} only here"

@@ -16,7 +16,14 @@ _FEW = 10
 
 
 def on_support(
-    curve: TubeCurve, x: Array, inlier: BoolArray, radius: float, margin: float, spacing: float, most: int
+    curve: TubeCurve,
+    x: Array,
+    inlier: BoolArray,
+    radius: float,
+    margin: float,
+    spacing: float,
+    most: int,
+    over: float = 0.0,
 ) -> tuple[TubeCurve, Array]:
     """The curve cut or extended to where the points are and `margin` radii beyond, with knots `spacing` apart.
 
@@ -28,6 +35,7 @@ def on_support(
         margin: in radii.
         spacing: of the knots, metres.
         most: the most intervals.
+        over: a gap of so many radii before an end is none: the object goes on behind a strand that crosses it.
 
     Returns:
         The curve, and the feet on it.
@@ -49,9 +57,9 @@ def on_support(
     few = min(_FEW, len(s) - 1)
     reach = 8.0 * np.array([s[few] - s[0], s[-1] - s[-1 - few]]) / few
     # A bin may be emptier than its neighbours by chance: points that go on without a gap belong to the object.
-    lone = np.diff(everything)
-    before = np.flatnonzero((lone > reach[0]) & (everything[1:] <= s[0]))
-    behind = np.flatnonzero((lone > reach[1]) & (everything[:-1] >= s[-1]))
+    lone, longest = np.diff(everything), np.maximum(reach, over * radius)
+    before = np.flatnonzero((lone > longest[0]) & (everything[1:] <= s[0]))
+    behind = np.flatnonzero((lone > longest[1]) & (everything[:-1] >= s[-1]))
     s = everything[before[-1] + 1 if len(before) else 0 : behind[0] + 1 if len(behind) else len(everything)]
     low, high = min(low, float(s[0])), max(high, float(s[-1]))
     # Points that are farther apart than the object is thick are followed from one to the next.

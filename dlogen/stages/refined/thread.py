@@ -128,4 +128,5 @@ def _followed(points: Array, thread: Thread, count: float, scale: Scale) -> Orde
     found = follow(points, step, thread.per_metre * step, scale)
     # There are as many as it takes: the step was chosen so.
     findings = tuple(item for item in found.findings if not TOO_FEW_POINTS.matches(item))
-    return replace(found, radius=thread.half_width, findings=findings, noisy=True, thread=True)
+    half = thread.half_width
+    return replace(found, radius=half, half_width=half, findings=findings, noisy=True, thread=True)

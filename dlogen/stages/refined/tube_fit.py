@@ -34,6 +34,9 @@ LEAST_FLOOR = 5e-4
 #: A step that changes the distances by less than the sum of these, in radii and in standard deviations, is the last.
 _STILL, _STILL_NOISE = 1e-5, 0.02
 
+#: Noise over radius up to which clouds are exact.
+_EXACT = 0.01
+
 #: Fewest points near the curve that a fit goes on with.
 _FEWEST = 10
 
@@ -90,7 +93,10 @@ def gauss_newton(
             # A wrong radius shifts all residuals; only their spread about that is noise.
             sigma = min(scale, robust_scale(inside - median(inside)))
             weight = np.where(near, tukey(residual, max(scale, floor * radius)), 0.0)
-            shared = patch_inflation(patch, residual, near & (np.abs(residual) < 4.0 * scale))
+            # What is left over without noise is the curve's own error, which neighbours share as well.
+            noisy = sigma**2 / (sigma**2 + (_EXACT * radius) ** 2)
+            more = patch_inflation(patch, residual, near & (np.abs(residual) < 4.0 * scale)) - 1.0
+            shared = 1.0 + noisy * more
             sums = normal_equations(k, t, direction, residual, weight, curve.intervals).scaled(
                 1.0 / shared, 1.0 / shared
             )

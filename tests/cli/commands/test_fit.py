@@ -248,3 +248,11 @@ def test_bad_clouds_are_refused_or_marked(kind: str, profile: str, tmp_path: Pat
         assert result.exit_code in (1, 2)
         assert "hint:" in result.stderr
         assert not (tmp_path / "out").exists()
+
+
+def test_a_known_length(cloud: Path, tmp_path: Path) -> None:
+    right = run(cloud, "-o", tmp_path, "--length", LINE.length)
+    assert right.exit_code == 0 and "length-mismatch" not in right.stderr
+    wrong = run(cloud, "-o", tmp_path, "--force", "--set", "length=1", "--length", 1.1 * LINE.length)
+    assert wrong.exit_code == 0 and "shorter than the known length of 5.3" in wrong.stderr
+    assert run(cloud, "-o", tmp_path, "--force", "--length", -1).exit_code == 2

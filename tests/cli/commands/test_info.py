@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from node_lines import WAVE, even
+from swept_meshes import elbow
 
 from dlogen.cli.main import cli
 from dlogen.evaluation.shapes import centre_line
@@ -45,6 +47,36 @@ def test_counts_and_fields(tmp_path: Path) -> None:
     assert (found["declared_points"], found["points"]) == (4012, 4000)
     assert found["format"] == "pcd" and found["fields"] == ["x", "y", "z"]
     assert found["viewpoint"] == pytest.approx([0.1, 0.2, 0.3])
+
+
+def test_a_mesh(tmp_path: Path) -> None:
+    (tmp_path / "a.ply").write_bytes(elbow(0.02, 0.5, 0.1).ply())
+    found = json.loads(run(tmp_path / "a.ply", "--json").stdout)
+    assert found["mesh"]["triangles"] == 1088 and found["mesh"]["sampled"] > 10_000
+    assert (found["points"], found["problem"]) == (576, None)
+    # The vertices are in two clumps, which tell no radius.
+    assert found["chosen"]["r"] == pytest.approx(0.02, rel=0.03)
+    text = run(tmp_path / "a.ply").stdout
+    assert f"1088 triangles; a fit spreads {found['mesh']['sampled']} points over them" in text
+
+
+def test_nodes_on_the_axis(tmp_path: Path) -> None:
+    write_cloud(tmp_path / "a.ply", even(WAVE, 40))
+    found = json.loads(run(tmp_path / "a.ply", "--json").stdout)
+    assert found["nodes"] is True and found["problem"] is None and "chosen" not in found
+    assert "the points lie on a line and show no width" in run(tmp_path / "a.ply").stdout
+    write_cloud(tmp_path / "b.ply", CLOUD)
+    assert json.loads(run(tmp_path / "b.ply", "--json").stdout)["nodes"] is False
+
+
+def test_few_digits(tmp_path: Path) -> None:
+    write_cloud(tmp_path / "a.ply", (CLOUD + np.array([1e5, 0.0, 0.0])).astype(np.float32))
+    found = json.loads(run(tmp_path / "a.ply", "--json").stdout)
+    assert found["steps"] == [pytest.approx(2.0**-7), 0.0, 0.0]
+    assert "digits                 x is stored in steps of 7.81 mm at 1e+05" in run(tmp_path / "a.ply").stdout
+    write_cloud(tmp_path / "b.ply", (CLOUD + np.array([5e6, 0.0, 0.0])).astype(np.float32))
+    found = json.loads(run(tmp_path / "b.ply", "--json").stdout)
+    assert "single precision" in found["problem"]
 
 
 def test_for_people(tmp_path: Path) -> None:

@@ -229,3 +229,45 @@ class TestPclConventions:
         cloud = read_bytes(header("ascii", *lines) + ascii_rows(POINTS))
         assert (cloud.width, cloud.height) == shape
         assert cloud.comments == ()
+
+
+class TestFaces:
+    """Triangles of meshes; trimesh as a second opinion."""
+
+    @pytest.mark.parametrize("encoding", ["ascii", *ORDERS])
+    @pytest.mark.parametrize("name", ["vertex_indices", "vertex_index"])
+    @pytest.mark.parametrize("lengths", [(3, 3, 3), (4, 4), (3, 4, 2, 0, 4, 1, 3)])
+    def test_faces_are_cut_into_triangles(self, read_bytes, encoding, name, lengths):
+        faces = [tuple(int(corner) for corner in np.random.default_rng(n).permutation(4)[:n]) for n in lengths]
+        lines = [f"element face {len(faces)}", "property short group", f"property list uchar int {name}"]
+        lines += ["property list uchar float texcoord", *vertex(4, "x", "y", "z", kind="double")]
+        data = header(encoding, *lines)
+        if encoding == "ascii":
+            data += ascii_rows([(7, len(face), *face, 2, 0.5, 0.25) for face in faces]) + ascii_rows(POINTS)
+        else:
+            order = ORDERS[encoding]
+            for face in faces:
+                data += struct.pack(f"{order}hB{len(face)}iB2f", 7, len(face), *face, 2, 0.5, 0.25)
+            data += POINTS.astype(order + "f8").tobytes()
+        cloud = read_bytes(data)
+        expected = [(face[0], *face[k : k + 2]) for face in faces for k in range(1, len(face) - 1)]
+        assert np.array_equal(cloud.points, POINTS)
+        assert cloud.triangles.tolist() == [list(triangle) for triangle in expected]
+
+    def test_trimesh_reads_the_same(self, tmp_path):
+        mesh = trimesh.creation.icosphere(2)
+        for encoding in ("ascii", "binary"):
+            mesh.export(tmp_path / "ball.ply", encoding=encoding)
+            assert np.array_equal(read(tmp_path / "ball.ply").triangles, mesh.faces)
+
+    @pytest.mark.parametrize("row", ["3 0 1 nan", "3 0 1 -7", "3 0 1 1e30", "3 0 1 99"])
+    def test_corners_that_are_none_name_no_point(self, read_bytes, row):
+        lines = [*vertex(4, "x", "y", "z"), "element face 1", "property list uchar double vertex_indices"]
+        cloud = read_bytes(header("ascii", *lines) + ascii_rows(POINTS) + row.encode() + b"\n")
+        assert cloud.triangles[0].tolist() in ([0, 1, -1], [0, 1, 99])
+
+    def test_clouds_without_faces_have_no_triangles(self, read_bytes):
+        assert read_bytes(header("ascii", *vertex(4, "x", "y", "z")) + ascii_rows(POINTS)).triangles is None
+        for lines in (["element face 0", "property list uchar int vertex_indices"], ["element face 0"]):
+            data = header("ascii", *vertex(4, "x", "y", "z"), *lines) + ascii_rows(POINTS)
+            assert read_bytes(data).triangles is None

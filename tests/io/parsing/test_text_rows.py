@@ -89,3 +89,22 @@ def test_refused(text: bytes, message: str) -> None:
         rows.table(2, "points", 2, [0])
         rows.refuse_more("points")
     assert caught.value.hint
+
+
+@pytest.mark.parametrize(
+    ("row", "says"),
+    [
+        (b"0,25 1 2\n", "decimal comma"),
+        (b"1 -1,5e-3 2\n", "decimal comma"),
+        (b"1 2 ,5\n", "decimal comma"),
+        (b"0.1,0.2,0.3\n", "not by commas"),
+        (b"0.1, 0.2, 0.3\n", "not by commas"),
+        (b"0,1;0,2;0,3\n", "not by commas"),
+        (b"1;2;3\n", "not by semicolons"),
+        (b"1 2 three\n", "cut off"),
+    ],
+)
+def test_a_comma_is_named_where_it_is_one(row: bytes, says: str) -> None:
+    with pytest.raises(InputError, match=r"row 2 of the points: '.*' is not a number") as caught:
+        TextRows(io.BytesIO(b"1 2 3\n" + row)).table(2, "points", 3, [0, 1, 2])
+    assert says in caught.value.hint

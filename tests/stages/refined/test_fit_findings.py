@@ -31,6 +31,7 @@ def fitted(straight: Any) -> Refined:
         residuals=nothing,
         s=nothing,
         noise=0.0,
+        shared=1.0,
         end_std=(0.0, 0.0),
         max_curvature=0.0,
         max_curvature_s=0.0,

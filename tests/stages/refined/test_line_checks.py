@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 import dlogen.stages.refined.line as line_module
+import dlogen.stages.refined.refine as refine_module
 from dlogen.config.schema import Config
 from dlogen.evaluation.shapes import random_centre_line
 from dlogen.evaluation.synthetic import sample_tube
@@ -32,6 +33,8 @@ def test_a_stretch_that_the_line_misses_is_told_by_distances_from_the_line(monke
         return check_followed(points, backbone, distance, radius)
 
     monkeypatch.setattr(line_module, "refine", short)
+    # Ends are followed by a radius in each round: with as many as usual, to where the points end.
+    monkeypatch.setattr(refine_module, "_ROUNDS", 6)
     monkeypatch.setattr(line_module, "check_followed", check)
     line = refined_line(Cloud(cloud.points), Config(), Clock())
     assert "points-not-reached" in {item.code for item in line.findings}

@@ -47,6 +47,7 @@ def test_they_are_the_sums_over_the_points(seed: int, count: int, intervals: int
         weight.sum(),
         float(weight @ residual),
         float(weight @ residual**2),
+        weight.sum(),
     )
     same(sums, expected)
     assert not sums.blocks[-2].any()
@@ -95,3 +96,12 @@ def test_band_and_vector_are_the_overlapping_sums(intervals: int) -> None:
         expected[d, : size - d] = np.diag(matrix, -d)
     assert np.allclose(band(blocks), expected, atol=1e-12)
     assert np.allclose(vector(parts), column, atol=1e-12)
+
+
+def test_points_that_share_their_noise_are_worth_fewer() -> None:
+    """All sums scale with the weight, and the number of observations by itself."""
+    sums = normal_equations(*some_points(3, 40, 6), intervals=6)
+    scaled = sums.scaled(0.25, 0.5)
+    for name in SUMS:
+        factor = 0.5 if name == "count" else 0.25
+        assert np.allclose(getattr(scaled, name), factor * getattr(sums, name), rtol=1e-12), name

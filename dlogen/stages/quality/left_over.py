@@ -1,0 +1,55 @@
+"""Groups of points that the line leaves out: a tip beyond an end, or something that is no part of the object."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from dlogen.geometry.arc_length import even_parameters
+from dlogen.geometry.sampling import spatial_sample
+from dlogen.geometry.vectors import as_place
+from dlogen.stages.quality.findings import LEFT_OVER
+from dlogen.types import Array, Finding, Skeleton
+from dlogen.types.texts import millimetres
+
+#: Points that are looked at, and places of the line.
+_LOOKED_AT, _PLACES = 20_000, 2000
+
+#: Points so many radii from the line are left out, and belong together up to so many from one another.
+_AWAY, _TOGETHER = 3.0, 1.5
+
+#: A group is something if it is so many radii long, and its points are this share of as dense as those of the line.
+_LONG, _DENSE = 4.0, 0.3
+
+
+def check_left_over(points: Array, line: Skeleton, radius: float, scatter: float = 0.0) -> list[Finding]:
+    """The largest group of points that the line leaves out, if there is one.
+
+    Strays lie alone. What lies together, as dense as the points of the object, is part of it or of something else.
+
+    Args:
+        points: (M, 3) metres.
+        line: the skeleton line.
+        radius: of the object, metres.
+        scatter: standard deviation of the points, metres.
+    """
+    some = points[spatial_sample(points, _LOOKED_AT)]
+    distance = cKDTree(line(even_parameters(line, _PLACES))).query(some)[0]
+    reach = _AWAY * radius + 4.0 * scatter
+    away = some[distance > reach]
+    if len(away) < 10:
+        return []
+    per_radius = (len(some) - len(away)) * radius / line.length
+    pairs = cKDTree(away).query_pairs(_TOGETHER * radius, output_type="ndarray")
+    links = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(away), len(away)))
+    groups = connected_components(links, directed=False)[1]
+    largest = int(np.argmax(np.bincount(groups)))
+    group = away[groups == largest]
+    extent = float(np.linalg.norm(np.ptp(group, axis=0)))
+    if extent < _LONG * radius or len(group) < max(10.0, _DENSE * per_radius * extent / radius):
+        return []
+    share = 100.0 * len(group) / len(some)
+    message = f"{share:.2g} % of the points lie together {millimetres(extent)} wide, and the line does not reach them"
+    return [LEFT_OVER.found(message, position=as_place(group.mean(axis=0)))]

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from dlogen.geometry.sampling import spatial_sample
 from dlogen.geometry.vectors import dots, normals_to, unit
 from dlogen.types import Array
 
-#: Points of the cloud that are looked at for a pixel grid, and the decimals (relative) to which their ratios agree.
+#: Points of the cloud that are looked at, and the decimals (relative) to which their ratios agree.
 _LOOKED_AT, _DECIMALS = 4000, 6
 
 #: On a pixel grid the points have far fewer distinct columns and rows than there are points.
@@ -74,6 +75,7 @@ def thin_direction(points: Array, line: Array) -> tuple[Array, float]:
     Returns:
         A unit vector, and the ratio of the spread across it to that along it: 1 where all directions are alike.
     """
+    points = points[spatial_sample(points, _LOOKED_AT)]
     index = cKDTree(line).query(points)[1]
     tangent = unit(np.gradient(line, axis=0))[index]
     offset = points - line[index]

@@ -43,6 +43,8 @@ from dlogen.types.texts import millimetres
 #: Size of the subset that the order is found on: at most, and for each radius of length.
 _SAMPLE = 6000
 _PER_RADIUS = 22.0
+#: Points for each radius of length that long objects need, and the most points for all that.
+_LEAST_PER_RADIUS, _LARGEST_SAMPLE = 11.0, 100_000
 #: Size of the subset that tells the share of strays.
 _LOOKED_AT = 2000
 #: Share of places where the cloud is longer than wide, below which it is no line.
@@ -98,6 +100,7 @@ class Ordering:
         joins: what was bridged between them.
         findings: what a user should know.
         noisy: the points scatter so much that their normals say nothing.
+        thread: they are too few to show a width, too (`dlogen.stages.refined.thread`).
         half_width: of the strip that they are then, metres.
     """
 
@@ -107,6 +110,7 @@ class Ordering:
     joins: tuple[Bridge, ...]
     findings: tuple[Finding, ...]
     noisy: bool = False
+    thread: bool = False
     half_width: float = float("nan")
 
 
@@ -151,9 +155,7 @@ def order(
             stage="ordering",
         )
     # Many points for each radius of length don't make the order surer.
-    chosen = spatial_sample(
-        points, int(np.clip(_PER_RADIUS / scale.per_radius * scale.radius / r * len(points), 1000, _SAMPLE))
-    )
+    chosen = spatial_sample(points, _sample_size(len(points), scale.per_radius * r / scale.radius))
     sample = points[chosen]
     origin = middle(sample)
     sample = sample - origin
@@ -179,6 +181,13 @@ def order(
         False,
         lambda place: place + origin,
     )
+
+
+def _sample_size(count: int, per_radius: float) -> int:
+    """Size of the subset of so many points that the order is found on."""
+    radii = count / max(per_radius, 1e-9)
+    most = np.clip(_LEAST_PER_RADIUS * radii, _SAMPLE, _LARGEST_SAMPLE)
+    return int(np.clip(_PER_RADIUS * radii, 1000, most))
 
 
 def _wrong_radius(points: Array, radius: float | None) -> bool:
@@ -209,11 +218,24 @@ def order_strip(points: Array, scale: Scale, radius: float | None, viewpoint: Ar
     return _order_noise(points, scale, half_width, radius is None, view)
 
 
+def follow(points: Array, step: float, per_step: float, scale: Scale) -> Ordering:
+    """The order of points without normals, followed in steps.
+
+    Args:
+        points: (M, 3) metres.
+        step: metres; it takes the place of the radius in all that `order` does.
+        per_step: points for each step of length.
+        scale: of the cloud.
+    """
+    scale = replace(scale, radius=step, per_radius=per_step, line_share=1.0, round=True)
+    return _order_noise(points, scale, step / _STRIP, True, None)
+
+
 def _order_noise(points: Array, scale: Scale, half_width: float, estimated: bool, view: FlatView | None) -> Ordering:
     """The order of points without normals, of a strip so wide."""
     r = (_STRIP if view is None else _FLAT_STRIP) * half_width
     per_radius = scale.per_radius * r / scale.radius
-    sample = points[spatial_sample(points, int(np.clip(_PER_RADIUS / per_radius * len(points), 1000, _SAMPLE)))]
+    sample = points[spatial_sample(points, _sample_size(len(points), per_radius))]
     per_radius *= len(sample) / len(points)
     if view is not None:
         sample = view.flat(sample)

@@ -15,12 +15,13 @@ from scipy.spatial import cKDTree
 
 from dlogen.errors import FitError
 from dlogen.geometry.basis import CubicBSpline
+from dlogen.geometry.polyline import segment_lengths
 from dlogen.geometry.sampling import spatial_sample
 from dlogen.stages.quality.findings import CURVATURE_UNCERTAIN, RADIUS_UNKNOWN
 from dlogen.stages.refined.caps import Caps, find_caps, straight_beyond, through_face
 from dlogen.stages.refined.ends import End, find_ends, find_gaps
 from dlogen.stages.refined.output_curve import curvature_std, output_curve, sharpest_bend, sufficient_spacing
-from dlogen.stages.refined.support import on_support
+from dlogen.stages.refined.support import POINTS_PER_INTERVAL, on_support
 from dlogen.stages.refined.tube import Tube, expected_distance
 from dlogen.stages.refined.tube_curve import arc_at, arc_table, from_polyline, nearest
 from dlogen.stages.refined.tube_fit import LEAST_FLOOR, all_points, gauss_newton
@@ -30,8 +31,8 @@ from dlogen.types import Array, BoolArray, Finding, Skeleton
 #: knots 1.25 radii apart follows a bend of 3 radii to about 1e-3 radii.
 _COARSE, _FINE = 3.0, 1.25
 
-#: The most intervals, at first and of the fit.
-_ROUGH_INTERVALS, _MOST_INTERVALS = 96, 256
+#: The most intervals at first, where the smoothing asks for no more, and of the fit.
+_ROUGH_INTERVALS, _MOST_INTERVALS = 96, 20_000
 
 #: Rounds of searching for the points near the curve, and for its ends: each gets a radius farther.
 _ROUNDS = 30
@@ -39,6 +40,12 @@ _ROUNDS = 30
 #: Points that the backbone is brought to the axis with, and points of the fit proper; larger clouds are fitted by
 #: subsets of these sizes first. The last steps use a million points at most.
 _ROUGH_POINTS, _FINE_POINTS, _MOST_POINTS = 2000, 8000, 1_000_000
+
+#: So many times as many bring it there if the line bends more often than their number allows.
+_MORE = 4
+
+#: Points of the fit for each radius of length, where that is more: the longer a line, the more often it may bend.
+_FINE_PER_RADIUS = 20.0
 
 #: Knot spacing over the length below which the smoothing leaves nothing.
 _KNOTS = 0.8
@@ -136,10 +143,11 @@ def refine(points: npt.ArrayLike, backbone: npt.ArrayLike, radius: float, *, fix
         raise FitError(f"a radius of {radius:g} m makes no tube", "give r in metres", stage="refine")
     origin = backbone.mean(axis=0)
     near = points - origin
-    # Subsets of subsets: each is a random sample of the whole, the same one in whatever order the points come.
+    # Random samples, the same ones in whatever order the points come; of the whole, since a sample of one is itself.
     most = _some(near, _MOST_POINTS)
-    fine = _some(most, _FINE_POINTS)
-    rough = _rough(_columns(_some(fine, _ROUGH_POINTS)), backbone - origin, radius, fixed_radius)
+    radii = float(segment_lengths(backbone).sum()) / radius
+    fine = _some(most, max(_FINE_POINTS, int(_FINE_PER_RADIUS * radii)))
+    rough = _rough(most, len(fine), backbone - origin, radius, fixed_radius)
     tube = _apart(_columns(fine), _fine(_columns(fine), rough, fixed_radius, radius), fixed_radius)
     if not tube.solid and find_caps(tube).any:
         return _closed(near, most, fine, tube, origin, fixed_radius)
@@ -160,15 +168,23 @@ def _columns(points: Array) -> Array:
     return np.ascontiguousarray(points.T)
 
 
-def _rough(points: Array, backbone: Array, radius: float, fixed_radius: bool) -> Tube:
-    """Bring the backbone to the axis and follow it to the ends: (3, M) points, (K, 3) vertices."""
-    nothing = np.zeros(points.shape[1])
-    tube = Tube(from_polyline(backbone, _COARSE * radius, radius, 1.0), radius, 0.1 * radius, nothing, nothing)
+def _rough(cloud: Array, most: int, backbone: Array, radius: float, fixed_radius: bool) -> Tube:
+    """Bring the backbone (K, 3) to the axis of points (M, 3), `most` of which count, and follow it to the ends."""
+    start = from_polyline(backbone, _COARSE * radius, radius, 1.0)
+    count = _ROUGH_POINTS
+    while True:
+        points = _columns(_some(cloud, min(count, most)))
+        nothing = np.zeros(points.shape[1])
+        tube = Tube(start, radius, 0.1 * radius, nothing, nothing)
+        tube = gauss_newton(points, tube, free_radius=False, steps=1, floor=0.1, search=True)
+        if count >= most or points.shape[1] > POINTS_PER_INTERVAL * start.length / _rough_spacing(tube, radius):
+            break
+        count *= _MORE
     for step in range(_ROUNDS):
-        # The radius is freed when the axis is halfway right: from outside it, a circle can be fitted in two ways.
-        free = step > 0 and not fixed_radius
-        tube = gauss_newton(points, tube, free_radius=free, steps=1, floor=0.1, search=step == 0)
-        grown = _on_support(tube, 1.0, _COARSE * radius, _ROUGH_INTERVALS)
+        if step > 0:
+            # The radius is freed when the axis is halfway right: from outside it, a circle can be fitted in two ways.
+            tube = gauss_newton(points, tube, free_radius=not fixed_radius, steps=1, floor=0.1)
+        grown = _on_support(tube, 1.0, _rough_spacing(tube, radius), _MOST_INTERVALS)
         if step >= 1 and grown.curve.length < tube.curve.length + 0.5 * radius:
             break
         tube = grown
@@ -280,13 +296,22 @@ def _shared_at_ends(points: Array, tube: Tube) -> BoolArray:
     return shared
 
 
+def _left_over(tube: Tube) -> float:
+    """Length that the smoothing leaves over, metres: what is shorter needs no knots of its own."""
+    density = 0.5 * np.count_nonzero(tube.on_curve) / tube.curve.length
+    return (tube.smoothing / density) ** (1.0 / 6.0) if tube.smoothing else 0.0
+
+
+def _rough_spacing(tube: Tube, radius: float) -> float:
+    """Distance of the knots while the ends are looked for, metres; long lines have fewer if they bend little."""
+    few = tube.curve.length / _ROUGH_INTERVALS
+    return max(_COARSE * radius, min(few, _KNOTS * _left_over(tube)))
+
+
 def _knot_spacing(tube: Tube) -> float:
     """Distance of the knots that a tube needs, metres: not less than 1.25 radii."""
-    # What is shorter than the smoothing leaves over needs no knots of its own.
-    density = 0.5 * np.count_nonzero(tube.on_curve) / tube.curve.length
-    left_over = (tube.smoothing / density) ** (1.0 / 6.0) if tube.smoothing else 0.0
     enough = 0.7 * sufficient_spacing(tube.curve, tube.radius)
-    return max(_FINE * tube.radius, _KNOTS * left_over, min(enough, _COARSE * tube.radius))
+    return max(_FINE * tube.radius, _KNOTS * _left_over(tube), min(enough, _COARSE * tube.radius))
 
 
 def _on_support(tube: Tube, margin: float, spacing: float, most: int) -> Tube:

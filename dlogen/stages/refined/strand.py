@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dlogen.errors import FitError
+from dlogen.geometry.sampling import spatial_sample
 from dlogen.geometry.vectors import column_dots
 from dlogen.stages.refined.linearisation import LOG_LAMBDA, Linearisation, Solution
 from dlogen.stages.refined.normal_equations import normal_equations
@@ -33,7 +34,7 @@ from dlogen.stages.refined.tube_curve import (
 from dlogen.types import Array, BoolArray
 
 #: Knot spacing over half the width, at first and in the end; most intervals.
-_COARSE, _FINE, _MOST = 8.0, 3.0, 256
+_COARSE, _FINE, _MOST = 8.0, 3.0, 20_000
 
 #: Rounds at first, which follow the ends, and rounds of the fit proper.
 _ROUGH_ROUNDS, _ROUNDS = 40, 5
@@ -43,6 +44,9 @@ _ON = 3.0
 
 #: A gap at an end of so many half widths is a strand that crosses there.
 _OVER = 5.0
+
+#: Points of the rounds at first, and of those of the fit proper; the last one has all.
+_FEW, _SOME = 3000, 8000
 
 #: Distance of the knots of a line that follows the shape of the object but not the noise, in half widths.
 _SHAPE = 20.0
@@ -96,6 +100,11 @@ def fit_strand(points: Array, rays: Array, backbone: Array, half_width: float) -
         backbone: (K, 3) vertices in order, metres.
         half_width: of the strip, roughly, metres.
     """
+    everything = points, rays
+    some = everything if points.shape[1] <= _SOME else _some(points, rays, _SOME)
+    # Of the whole, since a sample of a sample is itself.
+    few = some if points.shape[1] <= _FEW else _some(points, rays, _FEW)
+    points, rays = few
     nothing = np.zeros(points.shape[1])
     curve = from_polyline(backbone, _COARSE * half_width, half_width, 1.0)
     strand = Strand(curve, half_width, nothing, nothing, nothing, (half_width, half_width), (1.0, 1.0))
@@ -106,11 +115,25 @@ def fit_strand(points: Array, rays: Array, backbone: Array, half_width: float) -
         if step >= 1 and grown.curve.length < strand.curve.length + 0.5 * half_width:
             break
         strand = grown
+    if some is not few:
+        points, rays = some
+        strand = _step(points, rays, strand, search=True, least=-3.0)
     shared = _shared_depth(points, rays, strand)
     strand = replace(_supported(strand, 0.7, _FINE * half_width), smoothing=None)
-    for step in range(_ROUNDS):
-        strand = _step(points, rays, _worth(strand, shared), search=step == 0)
-    return strand
+    for _ in range(_ROUNDS):
+        strand = _step(points, rays, _worth(strand, shared))
+    if some is everything:
+        return strand
+    # The more points there are, the more of them share their noise.
+    times = everything[0].shape[1] / points.shape[1]
+    depth, across = (1.0 + (worth - 1.0) * times for worth in strand.inflation)
+    return _step(*everything, replace(strand, inflation=(depth, across)), search=True)
+
+
+def _some(points: Array, rays: Array, count: int) -> tuple[Array, Array]:
+    """About so many of the points and their rays: (3, M), (3, M)."""
+    chosen = spatial_sample(points.T, count)
+    return points[:, chosen], rays[:, chosen]
 
 
 def _worth(strand: Strand, shared: float) -> Strand:

@@ -62,8 +62,8 @@ def strand_fit(
     columns = np.ascontiguousarray(near.T)
     half_width = ordering.half_width if ordering.noisy else ordering.radius
     direction, ratio = thin_direction(near, backbone)
-    if viewpoint is None and ratio < ONE_SIDED:
-        if radius is None or half_width < _THREAD * radius:
+    if ordering.thread or (viewpoint is None and ratio < ONE_SIDED):
+        if not ordering.thread and (radius is None or half_width < _THREAD * radius):
             return None
         # A wire in noise that is the same all around: no direction is the view, and any will do.
         tangent = unit(np.gradient(backbone, axis=0))

@@ -137,8 +137,9 @@ def order(
     if not scale.resolved and len(points) <= _BEADS:
         return _beads(points, radius)
     r = radius or scale.radius
+    hidden = radius is not None and scale.half_width > _HIDDEN * radius and scale.thickness > _THICK * radius
     # A wire thinner than the noise; a bundle of strands is as thick, but its surfaces are thin.
-    if radius is not None and scale.half_width > _HIDDEN * radius and scale.thickness > _THICK * radius:
+    if hidden and not _bundles(points, scale, r):
         return order_strip(points, estimate_scale(points), None, viewpoint)
     # Where strands lie close together, no neighbourhood is longer than wide; with a known radius that does not matter.
     if radius is None and (scale.line_share < 0.2 or not np.isfinite(scale.per_radius)):
@@ -190,15 +191,20 @@ def _sample_size(count: int, per_radius: float) -> int:
     return int(np.clip(_PER_RADIUS * radii, 1000, most))
 
 
+def _bundles(points: Array, scale: Scale, radius: float) -> bool:
+    """Whether points gather on axes when they are projected by a radius, as those of strands side by side do."""
+    sample = points[spatial_sample(points, 4 * _SAMPLE)]
+    spacing = scale.spacing * np.sqrt(len(points) / len(sample))
+    votes, projected = axis_votes(sample, cKDTree(sample), radius, spacing)
+    return bool(projected.any()) and votes_agree(sample, votes, projected, radius)
+
+
 def _wrong_radius(points: Array, radius: float | None) -> bool:
     """Whether normals say nothing with a given radius only because it is wrong."""
     if radius is None:
         return False
     scale = estimate_scale(points)
-    sample = points[spatial_sample(points, _SAMPLE)]
-    spacing = scale.spacing * np.sqrt(len(points) / len(sample))
-    votes, projected = axis_votes(sample, cKDTree(sample), scale.radius, spacing)
-    return bool(projected.any()) and votes_agree(sample, votes, projected, scale.radius)
+    return _bundles(points, scale, scale.radius)
 
 
 def order_strip(points: Array, scale: Scale, radius: float | None, viewpoint: Array | None) -> Ordering:

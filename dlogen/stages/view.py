@@ -100,7 +100,7 @@ def thin_direction(points: Array, line: Array) -> tuple[Array, float]:
 
 
 def rays(points: Array, viewpoint: Array | None, direction: Array | None) -> Array | None:
-    """(3, M) unit vectors along which points (3, M) are seen, from a place or along one direction; None without both."""
+    """(3, M) unit vectors along which points (3, M) are seen, from a place or along one direction, or None."""
     if viewpoint is not None:
         away = points - viewpoint[:, None]
         return np.ascontiguousarray(unit(away.T).T)

@@ -35,8 +35,8 @@ def fit_findings(ordering: Ordering, fitted: Refined) -> tuple[Finding, ...]:
         gaps.append(NOISE.found(message, "doubtful" if share > _NOISY else "note"))
     if share > _NOTED and fitted.shared > _UNEVEN:
         message = (
-            f"about {fitted.shared:.0f} neighbouring points share what they are off by: the surface has a pattern, as of "
-            "something wound, braided or corrugated, or the sensor smooths"
+            f"about {fitted.shared:.0f} neighbouring points share what they are off by: the surface has a pattern, as "
+            "of something wound, braided or corrugated, or the sensor smooths"
         )
         gaps.append(UNEVEN_SURFACE.found(message))
     return (*findings, *gaps, *fitted.findings)

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from dlogen.errors import FitError
 from dlogen.geometry.basis import CubicBSpline
@@ -21,8 +20,9 @@ from dlogen.stages.quality.findings import CURVATURE_UNCERTAIN, RADIUS_UNKNOWN
 from dlogen.stages.refined.caps import Caps, find_caps, straight_beyond, through_face
 from dlogen.stages.refined.ends import End, find_ends, find_gaps
 from dlogen.stages.refined.output_curve import curvature_std, output_curve, sharpest_bend, sufficient_spacing
+from dlogen.stages.refined.shared_ends import INLIER, INLIER_FLOOR, shared_at_ends
 from dlogen.stages.refined.support import POINTS_PER_INTERVAL, on_support
-from dlogen.stages.refined.tube import Tube, expected_distance
+from dlogen.stages.refined.tube import Tube
 from dlogen.stages.refined.tube_curve import arc_at, arc_table, from_polyline, nearest
 from dlogen.stages.refined.tube_fit import LEAST_FLOOR, all_points, gauss_newton
 from dlogen.types import Array, BoolArray, Finding, Skeleton
@@ -61,17 +61,8 @@ _RADIUS_KNOWN = 0.02
 _BEND_KNOWN, _STRAIGHT = 0.25, 0.2
 
 
-#: An end is so many radii long where it is compared with other strands; those are this far from it along the curve.
-_END, _ELSEWHERE = 6.0, 12.0
-
 #: The axis is followed beyond the tube so many radii to look for the face of a closed end.
 _BEYOND = 6.0
-
-#: Samples of the curve that stand for it there.
-_SAMPLES_PER_RADIUS = 8.0
-
-#: Points within so many standard deviations of the surface belong to the tube; and within this share of the radius.
-_INLIER, _INLIER_FLOOR = 4.0, 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +146,7 @@ def refine(points: npt.ArrayLike, backbone: npt.ArrayLike, radius: float, *, fix
     steps = 2 if more and not tube.solid else 0
     tube = all_points(_columns(most), tube, free_radius=not fixed_radius, steps=steps, search=more)
     whole = tube if most is near else all_points(_columns(near), tube, free_radius=False, steps=0, search=True)
-    shared = _shared_at_ends(_columns(most), tube)
+    shared = shared_at_ends(_columns(most), tube)
     return _result(tube, whole, shared, origin, fixed_radius)
 
 
@@ -213,7 +204,7 @@ def _apart(points: Array, tube: Tube, fixed_radius: bool) -> Tube:
     An end that is followed along another strand takes its points for its own: the curve goes on over it, or is bent
     away from the end, whose own points are outliers then.
     """
-    shared = np.zeros(points.shape[1], dtype=bool) if tube.solid else _shared_at_ends(points, tube)
+    shared = np.zeros(points.shape[1], dtype=bool) if tube.solid else shared_at_ends(points, tube)
     if not shared.any():
         return tube
     free = not fixed_radius
@@ -247,7 +238,7 @@ def _closed(near: Array, most: Array, fine: Array, tube: Tube, origin: Array, fi
         )
         fitted = all_points(own, fitted, free_radius=free, steps=2, search=True)
     radius, s = fitted.radius, arc_at(arc_table(fitted.curve)[1], fitted.x)
-    s = s[(np.abs(fitted.residual) < max(_INLIER * fitted.sigma, _INLIER_FLOOR * radius)) & fitted.on_curve]
+    s = s[(np.abs(fitted.residual) < max(INLIER * fitted.sigma, INLIER_FLOOR * radius)) & fitted.on_curve]
     low, high = float(s.min()), float(s.max())
     more = tuple(_BEYOND * radius for _ in closed)
     curve = straight_beyond(fitted.curve, low, high, (more[0], more[1]))
@@ -261,7 +252,7 @@ def _closed(near: Array, most: Array, fine: Array, tube: Tube, origin: Array, fi
         if closed[side]:
             away = through_face(_columns(most), curve, at / length * curve.intervals, radius, side == 1)
             faces[side] = None if away is None else (at - away, at + away)[side]
-    shared = _shared_at_ends(_columns(most), used)
+    shared = shared_at_ends(_columns(most), used)
     return _result(used, whole, shared, origin, fixed_radius, fitted, (faces[0], faces[1]))
 
 
@@ -270,30 +261,6 @@ def _without(points: Array, tube: Tube, caps: Caps) -> tuple[Array, Tube]:
     s = arc_at(arc_table(tube.curve)[1], tube.x)
     kept = (s >= caps.low) & (s <= caps.high)
     return points[:, kept], replace(tube, x=tube.x[kept], distance=tube.distance[kept])
-
-
-def _shared_at_ends(points: Array, tube: Tube) -> BoolArray:
-    """Which points near an end of the curve lie on the surface around another part of it, or inside: (3, M) points."""
-    curve, radius = tube.curve, tube.radius
-    grid, arc, _ = arc_table(curve)
-    count = round(_SAMPLES_PER_RADIUS * float(arc[-1]) / radius)
-    even = np.linspace(0.0, float(arc[-1]), count)
-    places = curve(np.interp(even, arc, grid))
-    s = arc_at(arc, tube.x)
-    reach = expected_distance(radius, tube.sigma) + _INLIER * max(tube.sigma, _INLIER_FLOOR / _INLIER * radius)
-    shared = np.zeros(points.shape[1], dtype=bool)
-    for at_end, away in ((s, even), (arc[-1] - s, arc[-1] - even)):
-        near = np.flatnonzero(at_end < _END * radius)
-        if not len(near):
-            continue
-        end = points[:, near]
-        # Most curves do not come back to their ends: nothing is left to ask then.
-        low, high = end.min(axis=1) - reach, end.max(axis=1) + reach
-        others = places[(away > _ELSEWHERE * radius) & ((places > low) & (places < high)).all(axis=1)]
-        if len(others):
-            distance = cKDTree(others).query(end.T, distance_upper_bound=reach)[0]
-            shared[near] |= np.isfinite(distance)
-    return shared
 
 
 def _left_over(tube: Tube) -> float:
@@ -344,10 +311,10 @@ def _result(
     curve, radius, sigma = tube.curve, tube.radius, tube.sigma
     fit = fit or tube
     grid, arc, _ = arc_table(curve)
-    scale = max(sigma, _INLIER_FLOOR / _INLIER * radius)
+    scale = max(sigma, INLIER_FLOOR / INLIER * radius)
     deviation = np.abs(tube.residual) / scale
     s = arc_at(arc, tube.x)
-    inside = s[(deviation < _INLIER) & tube.on_curve & ~shared]
+    inside = s[(deviation < INLIER) & tube.on_curve & ~shared]
     ends = find_ends(inside, deviation[tube.on_curve], sigma)
     first, last = (end if face is None else End(face, sigma) for end, face in zip(ends, faces, strict=True))
     start, end = first.position, last.position
@@ -369,12 +336,12 @@ def _result(
     else:
         radius_std = sigma / float(np.sqrt(fit.solution.schur))
     known = radius_std < _RADIUS_KNOWN * radius
-    gaps = find_gaps(s[(deviation < _INLIER) & tube.on_curve], start, end, radius)
+    gaps = find_gaps(s[(deviation < INLIER) & tube.on_curve], start, end, radius)
 
     used = len(s)
     if whole is not tube:
         s, deviation = arc_at(arc, whole.x), np.abs(whole.residual) / scale
-    inlier = (deviation < _INLIER) & (s > start - _INLIER * scale) & (s < end + _INLIER * scale) & whole.on_curve
+    inlier = (deviation < INLIER) & (s > start - INLIER * scale) & (s < end + INLIER * scale) & whole.on_curve
     return Refined(
         skeleton=skeleton,
         radius=radius,

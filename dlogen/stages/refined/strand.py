@@ -109,7 +109,7 @@ def fit_strand(points: Array, rays: Array, backbone: Array, half_width: float) -
     curve = from_polyline(backbone, _COARSE * half_width, half_width, 1.0)
     strand = Strand(curve, half_width, nothing, nothing, nothing, (half_width, half_width), (1.0, 1.0))
     for step in range(_ROUGH_ROUNDS):
-        # Beyond a strand that it crosses, an end goes on: far enough to see that, and the points there have to be found.
+        # Beyond a strand that it crosses, an end goes on: it is followed far enough to find the points there.
         strand = _step(points, rays, strand, search=True, least=-3.0)
         grown = _supported(strand, _ON, _COARSE * half_width)
         if step >= 1 and grown.curve.length < strand.curve.length + 0.5 * half_width:

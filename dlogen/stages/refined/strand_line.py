@@ -130,7 +130,8 @@ def _widths(fit: StrandFit) -> list[Finding]:
     if odd[worst] < _UNEVEN:
         return []
     s = float(np.clip(fit.widths[worst, 0] / fit.skeleton.length, 0.0, 1.0))
-    text = f"the strip is {millimetres(2.0 * float(fit.widths[worst, 1]))} wide here, elsewhere {millimetres(2.0 * fit.half_width)}"
+    here, usual = millimetres(2.0 * float(fit.widths[worst, 1])), millimetres(2.0 * fit.half_width)
+    text = f"the strip is {here} wide here, elsewhere {usual}"
     return [RADIUS_VARIES.at(fit.skeleton, s, text, "note")]
 
 

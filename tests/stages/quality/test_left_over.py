@@ -1,0 +1,49 @@
+"""Groups of points that a line leaves out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dlogen.evaluation.centre_line import from_points
+from dlogen.evaluation.synthetic import sample_tube
+from dlogen.stages.quality.left_over import check_left_over
+from dlogen.stages.refined.ordering import order
+from dlogen.stages.refined.refine import refine
+from dlogen.types import Array, Skeleton
+
+RADIUS = 0.01
+
+
+def tube(first: tuple[float, ...], last: tuple[float, ...], count: int) -> Array:
+    return sample_tube(from_points(np.linspace(first, last, 20)), RADIUS, count, 1).points
+
+
+@pytest.fixture(scope="module")
+def rod() -> tuple[Array, Skeleton]:
+    points = tube((0.0, 0.0, 0.0), (0.8, 0.0, 0.0), 4000)
+    return points, refine(points, order(points).backbone, RADIUS).skeleton
+
+
+def test_nothing_is_left_over_of_what_the_line_follows(rod) -> None:
+    assert check_left_over(rod[0], rod[1], RADIUS) == []
+
+
+def test_a_tip_beyond_a_gap_is_named_with_its_place(rod) -> None:
+    tip = tube((0.95, 0.0, 0.0), (1.05, 0.0, 0.0), 500)
+    (found,) = check_left_over(np.concatenate([rod[0], tip]), rod[1], RADIUS)
+    assert (found.code, found.severity) == ("left-over", "doubtful")
+    assert found.position == pytest.approx((1.0, 0.0, 0.0), abs=0.01)
+    assert "11 % of the points" in found.message
+
+
+def test_strays_and_specks_are_none(rod) -> None:
+    rng = np.random.default_rng(0)
+    strays = rng.uniform([-0.2, -0.3, -0.3], [1.0, 0.3, 0.3], (300, 3))
+    speck = rng.normal(0.0, 0.003, (40, 3)) + np.array([0.4, 0.1, 0.0])
+    assert check_left_over(np.concatenate([rod[0], strays, speck]), rod[1], RADIUS) == []
+
+
+def test_noise_around_the_object_is_none(rod) -> None:
+    noisy = rod[0] + np.random.default_rng(1).normal(0.0, 0.012, rod[0].shape)
+    assert check_left_over(noisy, rod[1], RADIUS, scatter=0.012) == []

@@ -13,6 +13,7 @@ from dlogen.stages.refined.ends import find_ends, find_gaps
 from dlogen.stages.refined.output_curve import output_curve, sharpest_bend
 from dlogen.stages.refined.strand import Strand, components
 from dlogen.stages.refined.tube_curve import SAMPLES, TubeCurve, arc_at, arc_table, foot_points, through
+from dlogen.stages.view import View
 from dlogen.types import Array, BoolArray, Skeleton
 
 #: The axis is behind the mean depth of the seen half of a tube by this many radii: the mean of sqrt(1 - w^2) over the
@@ -84,13 +85,14 @@ class StrandFit:
 
 
 def object_of(
-    strand: Strand, points: Array, rays: Array, radius: float | None, origin: Array, *, side: bool, around: bool = False
+    strand: Strand, points: Array, view: View, radius: float | None, origin: Array, *, side: bool, around: bool = False
 ) -> StrandFit:
     """The object that a strip is seen of.
 
     Args:
         strand: the strip.
-        points, rays: (3, M) as it was fitted to.
+        points: (3, M) that it was fitted to, metres.
+        view: along which they are seen.
         radius: the given one, metres.
         origin: (3,) of the points, metres.
         side: whether it is known from which side the strip is seen; if not, the line stays in its surface.
@@ -108,13 +110,13 @@ def object_of(
     behind = _BEHIND * used if side and not around else 0.0
     along = strand.sigma[0]
     first, last = find_ends(s[inlier], 3.0 * strand.deviation[strand.on_curve], _END * half_width)
-    axis, scale = _behind(strand.curve, points, rays, strand.x, behind)
+    axis, scale = _behind(strand.curve, view, behind)
     start, end = (float(np.interp(place, arc, scale)) for place in (first.position, last.position))
     fitted = output_curve(axis, start, end, used)
     length = float(arc_table(fitted)[1][-1])
     skeleton = Skeleton(CubicBSpline(fitted.intervals + 3), fitted.coefficients, origin, length)
     x, k, t, offset = foot_points(axis, points, strand.x, 2)
-    depth, across, _, _ = components(axis, k, t, offset, rays)
+    depth, across, _, _ = components(axis, k, t, offset, view)
     seen = np.sqrt(np.maximum(used**2 - across**2, 0.0)) if side else np.full(len(x), 0.0)
     residual = -(depth + seen)
     if around:
@@ -166,17 +168,13 @@ def _half_width(s: Array, across: Array, guess: float) -> tuple[float, Array, fl
     return usual, widths, spread
 
 
-def _behind(curve: TubeCurve, points: Array, rays: Array, x: Array, behind: float) -> tuple[TubeCurve, Array]:
+def _behind(curve: TubeCurve, view: View, behind: float) -> tuple[TubeCurve, Array]:
     """The curve moved along the view, and the arc lengths on it of the places of the table of the old one."""
     samples = np.linspace(0.0, curve.intervals, curve.intervals * SAMPLES + 1)
     place, tangent = curve(samples).T, unit(curve(samples, 1)).T
-    # The view at a place of the curve is that of the points there.
-    order = np.argsort(x)
-    near = order[np.clip(np.searchsorted(x[order], samples), 0, len(x) - 1)]
-    view = rays[:, near]
-    ahead = view - column_dots(view, tangent) * tangent
-    ahead = unit(ahead.T).T
-    moved = through(place + behind * ahead, curve.intervals, curve.step)
+    rays = view(place)
+    ahead = rays - column_dots(rays, tangent) * tangent
+    moved = through(place + behind * unit(ahead.T).T, curve.intervals, curve.step)
     return moved, arc_table(moved)[1]
 
 

@@ -26,7 +26,7 @@ from dlogen.stages.refined.fit_findings import gap_findings
 from dlogen.stages.refined.ordering import Ordering
 from dlogen.stages.refined.strand import Strand, fit_strand
 from dlogen.stages.refined.strand_axis import StrandFit, object_of
-from dlogen.stages.view import ONE_SIDED, rays, thin_direction
+from dlogen.stages.view import ONE_SIDED, View, rays, thin_direction
 from dlogen.types import Array, Finding
 from dlogen.types.texts import millimetres
 
@@ -65,23 +65,29 @@ def strand_fit(
     if ordering.thread or (viewpoint is None and ratio < ONE_SIDED):
         if not ordering.thread and (radius is None or half_width < _THREAD * radius):
             return None
-        # A wire in noise that is the same all around: no direction is the view, and any will do.
-        tangent = unit(np.gradient(backbone, axis=0))
-        view = np.ascontiguousarray(normals_to(tangent[cKDTree(backbone).query(near)[1]]).T)
-        return object_of(
-            fit_strand(columns, view, backbone, half_width), columns, view, radius, origin, side=True, around=True
-        ), True
-    view = rays(columns, None if viewpoint is None else viewpoint - origin, direction)
-    assert view is not None
+        strand = fit_strand(columns, _any_view(backbone), backbone, half_width)
+        return object_of(strand, columns, _any_view(backbone), radius, origin, side=True, around=True), True
+    view = rays(None if viewpoint is None else viewpoint - origin, direction)
     strand = fit_strand(columns, view, backbone, half_width)
     side = viewpoint is not None
     if not side:
         sure = _behind_at_edges(strand)
         if sure < 0.0:
-            view = -view
+            view = rays(None, -direction)
             strand = replace(strand, depth=-strand.depth, across=-strand.across)
         side = abs(sure) > _SURE
     return object_of(strand, columns, view, radius, origin, side=side), side
+
+
+def _any_view(backbone: Array) -> View:
+    """A view across the line everywhere: in noise that is the same all around, no direction is the view, any will do."""
+    across = normals_to(unit(np.gradient(backbone, axis=0)))
+    tree = cKDTree(backbone)
+
+    def view(places: Array) -> Array:
+        return np.ascontiguousarray(across[tree.query(places.T)[1]].T)
+
+    return view
 
 
 def _behind_at_edges(strand: Strand) -> float:

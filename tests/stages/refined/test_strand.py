@@ -13,7 +13,7 @@ from dlogen.stages.view import rays
 
 def fitted(cloud: Strip, half_width: float) -> Strand:
     columns = np.ascontiguousarray(cloud.points.T)
-    return fit_strand(columns, rays(columns, np.zeros(3), None), cloud.axis[::60], half_width)
+    return fit_strand(columns, rays(np.zeros(3), np.eye(3)[2]), cloud.axis[::60], half_width)
 
 
 def off_axis(strand: Strand, cloud: Strip) -> np.ndarray:
@@ -45,7 +45,7 @@ def test_ends_are_followed_although_the_backbone_falls_short() -> None:
     cloud = strip(wave(), 0.003)
     columns = np.ascontiguousarray(cloud.points.T)
     short = cloud.axis[300:-300:60]
-    strand = fit_strand(columns, rays(columns, np.zeros(3), None), short, 0.003)
+    strand = fit_strand(columns, rays(np.zeros(3), np.eye(3)[2]), short, 0.003)
     assert strand.curve.length == pytest.approx(cloud.length, abs=0.01)
 
 

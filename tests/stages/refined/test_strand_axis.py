@@ -14,7 +14,7 @@ from dlogen.stages.view import rays
 
 def seen(cloud: Strip, radius: float | None = None, **options) -> StrandFit:
     columns = np.ascontiguousarray(cloud.points.T)
-    view = rays(columns, np.zeros(3), None)
+    view = rays(np.zeros(3), np.eye(3)[2])
     strand = fit_strand(columns, view, cloud.axis[::60], cloud.radius)
     return object_of(strand, columns, view, radius, np.zeros(3), **{"side": True, **options})
 

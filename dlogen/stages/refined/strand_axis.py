@@ -24,6 +24,9 @@ _BEHIND = np.pi / 4.0
 #: width evenly and for points that cover the circumference evenly, on average.
 _EDGE, _EDGE_AT = 0.95, 0.97
 
+#: Points farther off than so many half widths are of something else.
+_WIDEST = 2.5
+
 #: Length of the stretches whose width is measured, in half widths, and the points that each needs.
 _STRETCH, _FEWEST = 4.0, 12
 
@@ -101,7 +104,10 @@ def object_of(
     arc = arc_table(strand.curve)[1]
     s = arc_at(arc, strand.x)
     inlier = (strand.deviation < 1.0) & strand.on_curve
-    half_width, widths, spread = _half_width(s[inlier], strand.across[inlier], strand.half_width)
+    # Stretches that are wider than the rest are to show.
+    wide = strand.on_curve & (np.abs(strand.depth) < 3.0 * strand.sigma[0])
+    wide &= np.abs(strand.across) < _WIDEST * strand.half_width
+    half_width, widths, spread = _half_width(s[wide], strand.across[wide], strand.half_width)
     pixel = float(np.sqrt(2.0 * half_width * strand.curve.length / max(np.count_nonzero(inlier), 1)))
     if radius is None:
         used, radius_std = half_width, float(np.hypot(np.hypot(_PIXELS * pixel, _SHARE * half_width), spread))

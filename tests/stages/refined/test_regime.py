@@ -32,7 +32,7 @@ def test_a_clean_tube_from_one_side_is_a_surface() -> None:
 
 
 def test_noise_of_the_size_of_the_radius_hides_it() -> None:
-    points = strip(wave(), 0.003, noise=0.0015, seed=1).points
+    points = strip(wave(), 0.003, noise=0.0025, seed=1).points
     tube, strip_ = both(points, np.zeros(3))
     assert is_doubted(tube)
     assert not shows_surface(tube, strip_)

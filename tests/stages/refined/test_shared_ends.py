@@ -24,10 +24,10 @@ def test_only_the_end_that_touches_another_strand_shares_points_with_it() -> Non
     straight = np.stack([np.linspace(0.0, 0.4, 81), np.zeros(81), np.zeros(81)], axis=1)
     t = np.linspace(0.0, np.pi, 60)[1:]
     turn = np.stack([0.4 + 0.06 * np.sin(t), 0.06 * (1.0 - np.cos(t)), np.zeros(59)], axis=1)
-    back = np.stack([np.linspace(0.4, 0.2, 41)[1:], np.linspace(0.12, 0.022, 41)[1:], np.zeros(40)], axis=1)
+    back = np.stack([np.linspace(0.4, 0.2, 41)[1:], np.linspace(0.12, 0.02, 41)[1:], np.zeros(40)], axis=1)
     line = np.concatenate([straight, turn, back])
     tip = line[-1]
-    between = tip - np.array([0.0, RADIUS, 0.0])  # touches the straight strand
+    between = tip - np.array([0.0, 0.98 * RADIUS, 0.0])  # touches the straight strand
     far_side = tip + np.array([0.0, RADIUS, 0.0])
     other_end = np.array([0.002, RADIUS, 0.0])
     assert shared(line, np.stack([between, far_side, other_end])).tolist() == [True, False, False]

@@ -34,7 +34,7 @@ def test_the_curve_is_cut_and_extended_by_a_margin() -> None:
 
 
 def test_a_tip_beyond_a_gap_counts_only_if_the_gap_may_be_a_strand_that_crosses() -> None:
-    tip = np.linspace(0.83, 0.835, 30)
+    tip = np.linspace(0.83, 0.835, 6)
     places = np.concatenate([np.linspace(0.0, 0.8, 3000), tip])
     assert extent(places, straight(1.0))[1] < 0.83
     assert extent(places, straight(1.0), over=5.0)[1] > 0.835

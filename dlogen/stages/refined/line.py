@@ -185,6 +185,7 @@ def _of_strand(points: Array, ordering: Ordering, fit: StrandFit, side: bool, co
         ),
         {"r": fit.radius, "N": fit.skeleton.basis.size},
         fit.regime,
+        fit.uncertainty,
     )
 
 
@@ -234,6 +235,7 @@ def _of_surface(points: Array, surface: _Surface, config: Config) -> FittedLine:
             *([] if known is None else check_radius(known, estimate_scale(points))),
         ),
         {"r": radius, "N": skeleton.basis.size},
+        uncertainty=fitted.uncertainty,
     )
 
 

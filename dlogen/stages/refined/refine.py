@@ -25,7 +25,8 @@ from dlogen.stages.refined.support import POINTS_PER_INTERVAL, on_support
 from dlogen.stages.refined.tube import Tube
 from dlogen.stages.refined.tube_curve import arc_at, arc_table, from_polyline, nearest
 from dlogen.stages.refined.tube_fit import LEAST_FLOOR, all_points, gauss_newton
-from dlogen.types import Array, BoolArray, Finding, Skeleton
+from dlogen.stages.refined.uncertainty import PLACES, line_uncertainty
+from dlogen.types import Array, BoolArray, Finding, Skeleton, Uncertainty
 
 #: Knot spacing over the radius, while the points near the curve are looked for and in the end. A cubic spline with
 #: knots 1.25 radii apart follows a bend of 3 radii to about 1e-3 radii.
@@ -87,6 +88,7 @@ class Refined:
         used: how many points the last steps used.
         findings: what a user should know.
         closed: whether the faces of the two ends were seen, so that the object certainly ends there.
+        uncertainty: of the line along it.
     """
 
     skeleton: Skeleton
@@ -106,6 +108,7 @@ class Refined:
     used: int
     findings: tuple[Finding, ...]
     closed: tuple[bool, bool] = (False, False)
+    uncertainty: Uncertainty | None = None
 
 
 def refine(points: npt.ArrayLike, backbone: npt.ArrayLike, radius: float, *, fixed_radius: bool = False) -> Refined:
@@ -360,7 +363,17 @@ def _result(
         used=used,
         findings=_findings(skeleton, radius, radius_std, known, kappa, s_kappa, kappa_std),
         closed=(faces[0] is not None, faces[1] is not None),
+        uncertainty=_uncertainty(tube, fit, np.interp(np.linspace(start, end, PLACES), arc, grid), radius_std),
     )
+
+
+def _uncertainty(tube: Tube, fit: Tube, x: Array, radius_std: float) -> Uncertainty | None:
+    """How well the axis is known at places of a tube, by the fit that it came from."""
+    if fit.solution is None:
+        return None
+    if fit is not tube:
+        x = nearest(fit.curve, tube.curve(x).T, 0.1 * tube.radius)
+    return line_uncertainty(fit.curve, fit.solution, fit.sigma, x, radius_std)
 
 
 def _findings(

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dlogen.geometry.basis import CubicBSpline
-from dlogen.geometry.spline import spline_values
 from dlogen.geometry.vectors import column_dots, unit
 from dlogen.stages.refined.ends import find_ends, find_gaps
 from dlogen.stages.refined.output_curve import output_curve, sharpest_bend
 from dlogen.stages.refined.strand import Strand, components
 from dlogen.stages.refined.tube_curve import SAMPLES, TubeCurve, arc_at, arc_table, foot_points, through
+from dlogen.stages.refined.uncertainty import PLACES, line_uncertainty
 from dlogen.stages.view import View
-from dlogen.types import Array, BoolArray, Skeleton
+from dlogen.types import Array, BoolArray, Skeleton, Uncertainty
 
 #: The axis is behind the mean depth of the seen half of a tube by this many radii: the mean of sqrt(1 - w^2) over the
 #: width, which a camera's pixels cover evenly.
@@ -58,9 +58,9 @@ class StrandFit:
         s: (M,) foot coordinates in [0, 1].
         noise: standard deviation along the view, metres.
         shared: how many points share their noise.
-        position_std: (P,) of the axis at P even places from end to end, metres.
+        uncertainty: of the axis along it.
         gaps: (s0, s1) of stretches without points.
-        max_curvature, max_curvature_s, curvature_std: of the sharpest bend, 1/m.
+        max_curvature, max_curvature_s: of the sharpest bend, 1/m.
         regime: "strand", or "thread" where not even the width shows.
     """
 
@@ -74,11 +74,10 @@ class StrandFit:
     s: Array
     noise: float
     shared: float
-    position_std: Array
+    uncertainty: Uncertainty
     gaps: tuple[tuple[float, float], ...]
     max_curvature: float
     max_curvature_s: float
-    curvature_std: float
     regime: str
 
     @property
@@ -101,7 +100,7 @@ def object_of(
         side: whether it is known from which side the strip is seen; if not, the line stays in its surface.
         around: the points are noise all around the object, so that the line is the axis.
     """
-    arc = arc_table(strand.curve)[1]
+    grid, arc, _ = arc_table(strand.curve)
     s = arc_at(arc, strand.x)
     inlier = (strand.deviation < 1.0) & strand.on_curve
     # Stretches that are wider than the rest are to show.
@@ -130,7 +129,11 @@ def object_of(
         residual = away - np.median(away[inlier])
     place = arc_at(arc_table(axis)[1], x)
     kappa, s_kappa = sharpest_bend(fitted)
-    stds = _position_std(strand, np.linspace(first.position, last.position, 101), arc)
+    known = _uncertainty(strand, np.interp(np.linspace(first.position, last.position, PLACES), arc, grid), radius_std)
+    if not around:
+        # How far behind its surface the axis is depends on the radius, and on how its points cover the width.
+        behind_std = 0.15 * used + _BEHIND * radius_std if side else used
+        known = replace(known, position=np.hypot(known.position, behind_std))
     return StrandFit(
         skeleton=skeleton,
         radius=used,
@@ -142,11 +145,10 @@ def object_of(
         s=np.clip((place - start) / (end - start), 0.0, 1.0),
         noise=along,
         shared=strand.inflation[0],
-        position_std=stds if around else np.hypot(stds, 0.15 * used + _BEHIND * radius_std if side else used),
+        uncertainty=known,
         gaps=find_gaps(s[inlier], first.position, last.position, half_width),
         max_curvature=kappa,
         max_curvature_s=s_kappa,
-        curvature_std=0.0,
         regime="thread" if around or half_width < _PIXELS_WIDE * pixel else "strand",
     )
 
@@ -184,19 +186,9 @@ def _behind(curve: TubeCurve, view: View, behind: float) -> tuple[TubeCurve, Arr
     return moved, arc_table(moved)[1]
 
 
-def _position_std(strand: Strand, at: Array, arc: Array) -> Array:
-    """Standard deviation of the line at arc lengths, metres: the larger one of the two directions across it."""
-    curve, solution = strand.curve, strand.solution
-    if solution is None:
-        return np.zeros(len(at))
-    grid = arc_table(curve)[0]
-    x = np.interp(at, arc, grid)
-    k = np.clip(x.astype(np.intp), 0, curve.intervals - 1)
-    values = spline_values(x - k)
-    stds = np.zeros((len(at), 3))
-    for c in range(3):
-        rows = np.zeros((len(at), curve.coefficients.size))
-        for q in range(4):
-            rows[np.arange(len(at)), 3 * (k + q) + c] = values[q]
-        stds[:, c] = np.sqrt(np.maximum(np.diag(solution.covariance(rows)), 0.0))
-    return stds.max(axis=1)
+def _uncertainty(strand: Strand, x: Array, radius_std: float) -> Uncertainty:
+    """Of the line through the strip, at places of it."""
+    if strand.solution is None:
+        nothing = np.zeros(len(x))
+        return Uncertainty(np.linspace(0.0, 1.0, len(x)), nothing, nothing, radius_std)
+    return line_uncertainty(strand.curve, strand.solution, 1.0, x, radius_std)

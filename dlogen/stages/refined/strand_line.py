@@ -121,10 +121,11 @@ def strand_findings(fit: StrandFit, ordering: Ordering, known: float | None, sid
     if known is not None and fit.regime == "strand" and abs(fit.half_width / known - 1.0) > _CONTRADICTED:
         message = f"r = {millimetres(known)} was given, but the strip is {millimetres(2.0 * fit.half_width)} wide"
         findings.append(RADIUS_MISMATCH.found(message))
-    worst = int(np.argmax(fit.position_std))
-    if fit.position_std[worst] > fit.radius:
-        text = f"the line is known to {millimetres(float(fit.position_std[worst]))} only here"
-        findings.append(POSITION_UNCERTAIN.at(line, worst / (len(fit.position_std) - 1), text))
+    known_to = fit.uncertainty.position
+    worst = int(np.argmax(known_to))
+    if known_to[worst] > fit.radius:
+        text = f"the line is known to {millimetres(float(known_to[worst]))} only here"
+        findings.append(POSITION_UNCERTAIN.at(line, float(fit.uncertainty.s[worst]), text))
     return [*findings, *_widths(fit), *_contacts(fit, ordering)]
 
 

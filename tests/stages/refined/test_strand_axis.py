@@ -36,7 +36,7 @@ def test_where_the_side_is_not_known_the_line_stays_in_the_surface() -> None:
     cloud = strip(wave(), 0.006, noise=0.0005)
     known, unknown = (seen(cloud, side=side).skeleton(0.5)[2] for side in (True, False))
     assert known - unknown == pytest.approx(np.pi / 4.0 * 0.006, rel=0.1)
-    assert (seen(cloud, side=False).position_std >= 0.006 * 0.9).all()
+    assert (seen(cloud, side=False).uncertainty.position >= 0.006 * 0.9).all()
 
 
 def test_a_given_radius_is_kept_and_says_how_far_behind_the_axis_is() -> None:
@@ -63,7 +63,9 @@ def test_residuals_are_zero_on_the_surface_and_positive_before_it() -> None:
 
 
 def test_the_position_is_uncertain_as_the_noise_is_large() -> None:
-    quiet, loud = (seen(strip(wave(), 0.004, noise=noise, seed=2), 0.004).position_std for noise in (0.0002, 0.003))
+    quiet, loud = (
+        seen(strip(wave(), 0.004, noise=noise, seed=2), 0.004).uncertainty.position for noise in (0.0002, 0.003)
+    )
     assert np.median(loud) > 1.3 * np.median(quiet)
     # A known radius leaves its share of a seventh of the radius and what the noise adds.
     assert (quiet > 0.15 * 0.004).all()

@@ -184,6 +184,8 @@ def _result(
         provenance=provenance,
         timings=clock.seconds,
         intermediates=line.intermediates,
+        regime=line.regime,
+        uncertainty=line.uncertainty,
     )
 
 

@@ -40,7 +40,7 @@ def loop(height: float = 0.5) -> Array:
     """(K, 3) a line that crosses itself once at a right angle, the later pass nearer to the camera."""
     t = np.linspace(-1.0, 1.0, 4000)
     x, y = 0.35 * (t**3 - 0.45 * t), 0.3 * (t**2 - 0.5)
-    z = height - 0.012 * np.exp(-(((t - 0.67) / 0.08) ** 2))
+    z = height - 0.009 * np.exp(-(((t - 0.67) / 0.08) ** 2))
     return np.stack([x, y, z], axis=1)
 
 

@@ -9,10 +9,13 @@ import numpy as np
 
 from dlogen.multibody.build import multibody
 from dlogen.multibody.model import Joint, MultibodyModel
-from dlogen.types import FitData, Mdtw, Segmentation
+from dlogen.types import FitData, Mdtw, Segmentation, Uncertainty
 
 CHAIN_SCHEMA = "dlogen.chain/1"
 REPORT_SCHEMA = "dlogen.report/1"
+
+#: Standard deviations, of each of two directions, within which a point in a plane is with 95 % probability.
+WITHIN_95 = 2.448
 
 
 def chain_dict(result: FitData) -> dict[str, Any]:
@@ -113,6 +116,19 @@ def _joint_dict(joint: Joint) -> dict[str, Any]:
     }
 
 
+def uncertainty_dict(known: Uncertainty | None) -> dict[str, Any] | None:
+    """Standard deviations along the line, and the distance within which the axis is with 95 % probability."""
+    if known is None:
+        return None
+    return {
+        "s": known.s.tolist(),
+        "position_std": known.position.tolist(),
+        "position_95": (WITHIN_95 * known.position).tolist(),
+        "curvature_std": known.curvature.tolist(),
+        "radius_std": known.radius if np.isfinite(known.radius) else None,
+    }
+
+
 def report_dict(result: FitData, reference: dict[str, Any] | None = None) -> dict[str, Any]:
     """The error report, `dlogen.report/1`.
 
@@ -139,6 +155,8 @@ def report_dict(result: FitData, reference: dict[str, Any] | None = None) -> dic
             "median": result.residual.median,
             "radius": result.residual.radius,
         },
+        "regime": result.regime,
+        "uncertainty": uncertainty_dict(result.uncertainty),
         "chosen": result.settings,
         "quality": quality_dict(result),
         "warnings": [finding.message for finding in result.quality.warnings],

@@ -20,8 +20,10 @@ from dlogen.geometry.vectors import dots, unit
 from dlogen.stages.cross_sections import NEIGHBOURS, Circles, Stretches, cross_sections, stretches
 from dlogen.types import Array, IntArray
 
-#: Size of the subset that is looked at.
-_SAMPLE = 4000
+#: Size of the subset that is looked at; so many times as many points where these are too few to see a width.
+_SAMPLE, _MORE = 4000, 4
+#: Patches of a subset are elongated, by the ratio of their variances, where it shows no width.
+_STRING = 3.0
 #: Places where the cross-section is looked at, and how many points around each of them.
 _PLACES = 48
 #: Points that the cross-sections need for each radius of length.
@@ -30,8 +32,15 @@ _PER_RADIUS = 30.0
 _ENOUGH = 50
 #: Patches that tell how thick the surface is, and the points of each.
 _PATCHES, _PATCH = 240, 10
+#: Points whose patches are thinner than this, in spacings, lie on a line.
+_FLAT = 0.05
 #: Radii that are tried with normals: from so many spacings on, growing by this factor.
 _RESOLVED, _GROWTH = 2.0, 1.3
+#: Every so many places are looked at first.
+_SCREENED = 2
+#: Share of the places with neighbourhoods longer than wide from which on strands are apart, and the largest radius that
+#: is tried then, in half widths: a sixth of the circumference may be all that was seen.
+_APART, _WIDEST = 0.8, 3.0
 #: What the circles must keep then: share of the places, noise and spread of the radii, relative to the radius.
 _NEARLY_ALL, _THIN, _ALIKE = 0.8, 0.15, 0.06
 
@@ -82,20 +91,33 @@ def estimate_scale(points: Array, *, radius: float | None = None) -> Scale:
         FitError: fewer than four distinct points.
     """
     scale = _from_neighbourhoods(points, radius)
-    return scale if scale.radius_reliable else _from_normals(points, scale.spacing) or scale
+    if scale.radius_reliable:
+        return scale
+    # Where neighbourhoods are longer than wide, they are single strands, or bundles whose strands are half as wide at
+    # most. Normals say nothing of noise that is thicker than these may be.
+    apart = scale.line_share > _APART and np.isfinite(scale.half_width)
+    if apart and scale.thickness > 0.5 * _THIN * scale.half_width:
+        return scale
+    return _from_normals(points, scale.spacing, _WIDEST * scale.half_width if apart else np.inf) or scale
 
 
 def _from_neighbourhoods(points: Array, radius: float | None) -> Scale:
     """The scale as neighbourhoods show it that are longer than wide."""
-    sample = points[spatial_sample(points, _SAMPLE)]
-    if len(sample) < 4:
-        raise FitError(f"{len(sample)} distinct points are too few for a centre line", "four are the least")
-    sample = sample - middle(sample)
-    tree = cKDTree(sample)
-    distance, index = tree.query(sample[:: -(-len(sample) // _PATCHES)], min(_PATCH, len(sample)))
-    patch = sample[index] - sample[index].mean(axis=1, keepdims=True)
-    thickness = np.sqrt(np.maximum(eigenvalues(_products(patch) / _PATCH)[0], 0.0))
-    thick = float(np.median(thickness))
+    wanted = _SAMPLE
+    while True:
+        sample = points[spatial_sample(points, wanted)]
+        if len(sample) < 4:
+            raise FitError(f"{len(sample)} distinct points are too few for a centre line", "four are the least")
+        sample = sample - middle(sample)
+        tree = cKDTree(sample)
+        distance, index = tree.query(sample[:: -(-len(sample) // _PATCHES)], min(_PATCH, len(sample)))
+        patch = sample[index] - sample[index].mean(axis=1, keepdims=True)
+        across, along, longest = eigenvalues(_products(patch) / _PATCH)
+        # Of an object thousands of radii long, so few points are beads on a string.
+        if wanted > len(points) // 2 or not np.median(longest / np.maximum(along, 1e-300)) > _STRING:
+            break
+        wanted *= _MORE
+    thick = float(np.median(np.sqrt(np.maximum(across, 0.0))))
     # On a surface the spacing goes with the root of the number of points.
     spacing = float(np.median(distance[:, 1])) * float(np.sqrt(len(sample) / max(len(points), len(sample))))
 
@@ -125,6 +147,9 @@ def _from_neighbourhoods(points: Array, radius: float | None) -> Scale:
         fit = cross_sections(tree, thinned, found, guess)
     good = fit.good
     per_radius = float(np.median(fit.per_length)) * guess * len(points) / len(thinned)
+    if radius is not None and not per_radius > 0.0 and thick > _FLAT * spacing:
+        # No cross-section was found where strands lie close together; the points have a width all the same.
+        per_radius = _expected_per_radius(radius, spacing)
     if good.sum() < max(3, 0.2 * len(good)):
         if radius is not None:
             per_radius = _expected_per_radius(radius, spacing)
@@ -175,11 +200,16 @@ def _coverage(lopsided: float) -> float:
     return float(np.interp(lopsided, [0.0, 0.2, 2 / np.pi, 1.0], [1.0, 1.0, 0.5, 0.0]))
 
 
-def _from_normals(points: Array, spacing: float) -> Scale | None:
+def _from_normals(points: Array, spacing: float, widest: float) -> Scale | None:
     """The scale of strands that lie close together, from the normals of their surfaces; None if these show no tube.
 
     The normals around a place are across the axis (paper Eq. 6), and the axis is one radius away along the normal. So
     every radius that is tried has its cross-sections; it is right if the circles through nearly all of them have it.
+
+    Args:
+        points: (M, 3) metres.
+        spacing: median distance between nearest neighbours, metres.
+        widest: the largest radius that is tried, metres.
     """
     sample = points[spatial_sample(points, 2 * _SAMPLE)]
     sample = sample - middle(sample)
@@ -191,10 +221,10 @@ def _from_normals(points: Array, spacing: float) -> Scale | None:
     normals = smallest_axes(_products(patch))
     places = np.unique(np.linspace(0, len(sample) - 1, _PLACES).astype(np.intp))
     smallest = _RESOLVED * float(np.median(distance[:, 1]))
-    largest = 0.5 * float(np.ptp(sample, axis=0).max())
+    largest = min(0.5 * float(np.ptp(sample, axis=0).max()), widest)
     best: tuple[float, float, Circles] | None = None
     for radius in smallest * _GROWTH ** np.arange(int(np.log(max(largest / smallest, 1.0)) / np.log(_GROWTH)) + 1):
-        fit, estimate = _with_radius(sample, tree, normals, places, float(radius))
+        _, estimate = _with_radius(sample, tree, normals, places[::_SCREENED], float(radius))
         if abs(estimate - radius) > (_GROWTH - 1.0) * radius:
             continue
         fit, estimate = _with_radius(sample, tree, normals, places, estimate)

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dlogen.geometry.vectors import dots, normals_to, unit
+from dlogen.geometry.sampling import spatial_sample
+from dlogen.geometry.vectors import column_dots, dots, normals_to, unit
 from dlogen.types import Array
 
-#: Points of the cloud that are looked at for a pixel grid, and the decimals (relative) to which their ratios agree.
+#: Points of the cloud that are looked at, and the decimals (relative) to which their ratios agree.
 _LOOKED_AT, _DECIMALS = 4000, 6
 
 #: On a pixel grid the points have far fewer distinct columns and rows than there are points.
 _FEWER = 0.5
+
+#: Unit vectors along which places are seen: (3, K) -> (3, K).
+View = Callable[[Array], Array]
 
 #: A cloud is one-sided if its strip is so many times as wide as deep.
 ONE_SIDED = 1.4
@@ -74,6 +79,7 @@ def thin_direction(points: Array, line: Array) -> tuple[Array, float]:
     Returns:
         A unit vector, and the ratio of the spread across it to that along it: 1 where all directions are alike.
     """
+    points = points[spatial_sample(points, _LOOKED_AT)]
     index = cKDTree(line).query(points)[1]
     tangent = unit(np.gradient(line, axis=0))[index]
     offset = points - line[index]
@@ -97,14 +103,18 @@ def thin_direction(points: Array, line: Array) -> tuple[Array, float]:
     return direction, float(np.sqrt(max(rest, 0.0) / max(float(values[thinnest]), 1e-300)))
 
 
-def rays(points: Array, viewpoint: Array | None, direction: Array | None) -> Array | None:
-    """(3, M) unit vectors along which points (3, M) are seen, from a place or along one direction; None without both."""
-    if viewpoint is not None:
-        away = points - viewpoint[:, None]
-        return np.ascontiguousarray(unit(away.T).T)
-    if direction is not None:
-        return np.repeat(direction[:, None], points.shape[1], axis=1)
-    return None
+def rays(viewpoint: Array | None, direction: Array) -> View:
+    """The view from a place, or along a direction where there is none."""
+
+    def from_place(places: Array) -> Array:
+        away = places - np.asarray(viewpoint)[:, None]
+        result: Array = away / np.maximum(np.sqrt(column_dots(away, away)), 1e-300)
+        return result
+
+    def along(places: Array) -> Array:
+        return np.repeat(direction[:, None], places.shape[1], axis=1)
+
+    return along if viewpoint is None else from_place
 
 
 @dataclass(frozen=True, eq=False)

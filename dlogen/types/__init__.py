@@ -5,7 +5,7 @@ from dlogen.types.chain import Chain, FewerSegments, Frame, Joints, Pose, Segmen
 from dlogen.types.cloud import Cloud, Dropped, Mesh, RawCloud, Source
 from dlogen.types.intermediate import Intermediate
 from dlogen.types.line import Basis, FittedLine, Skeleton, SortedPoints
-from dlogen.types.quality import SEVERITIES, Finding, Mdtw, Quality, Residual, Severity, Verdict
+from dlogen.types.quality import SEVERITIES, Finding, Mdtw, Quality, Residual, Severity, Uncertainty, Verdict
 from dlogen.types.result import FitData
 
 __all__ = [
@@ -35,5 +35,6 @@ __all__ = [
     "Skeleton",
     "SortedPoints",
     "Source",
+    "Uncertainty",
     "Verdict",
 ]

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from dlogen.types.arrays import Array, BoolArray, IntArray
 from dlogen.types.intermediate import Intermediate
-from dlogen.types.quality import Finding
+from dlogen.types.quality import Finding, Uncertainty
 from dlogen.types.short_repr import ShortRepr
 
 #: How far beyond 0 and 1 a coordinate may be.
@@ -129,6 +129,7 @@ class FittedLine(ShortRepr):
         findings: what they found.
         chosen: what they chose by themselves, by the dotted key of the configuration.
         regime: what of the object shows: "surface", "strand" (its width, but no depth) or "thread" (not even that).
+        uncertainty: how well the line is known along it, if that is known.
     """
 
     skeleton: Skeleton
@@ -139,3 +140,4 @@ class FittedLine(ShortRepr):
     findings: tuple[Finding, ...]
     chosen: dict[str, Any] = field(default_factory=dict)
     regime: str = "surface"
+    uncertainty: Uncertainty | None = None

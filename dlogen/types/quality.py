@@ -136,3 +136,20 @@ class Residual:
     rms: float
     median: float
     radius: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Uncertainty(ShortRepr):
+    """How well a line is known, as far as the noise of its points tells: standard deviations.
+
+    Attributes:
+        s: (K,) places on the line, from 0 to 1, even in arc length.
+        position: (K,) of the axis, in the direction across it in which it is known the least, metres.
+        curvature: (K,) of the curvature, 1/m.
+        radius: of the radius, metres; 0 for a given one, infinite where the points do not tell.
+    """
+
+    s: Array
+    position: Array
+    curvature: Array
+    radius: float

@@ -10,7 +10,7 @@ from dlogen.types.arrays import Array
 from dlogen.types.chain import Chain, Frame, Joints, Pose, Segmentation
 from dlogen.types.intermediate import Intermediate
 from dlogen.types.line import Skeleton
-from dlogen.types.quality import Mdtw, Quality, Residual
+from dlogen.types.quality import Mdtw, Quality, Residual, Uncertainty
 from dlogen.types.short_repr import ShortRepr
 
 
@@ -36,6 +36,8 @@ class FitData(ShortRepr):
         timings: seconds per stage.
         intermediates: what the stages made of the points, in their order.
         frame: the frame that all of this is in.
+        regime: what of the object the points show: "surface", "strand" (its width, but no depth) or "thread".
+        uncertainty: how well the skeleton line is known along it; None where the profile does not tell.
         recorded: poses that the model was seen in, in the order of time, if there are any.
     """
 
@@ -56,6 +58,8 @@ class FitData(ShortRepr):
     timings: dict[str, float]
     intermediates: tuple[Intermediate, ...]
     frame: Frame = field(default_factory=Frame)
+    regime: str = "surface"
+    uncertainty: Uncertainty | None = None
     recorded: tuple[Pose, ...] = ()
 
     @property

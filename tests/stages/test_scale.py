@@ -182,3 +182,16 @@ class TestSpatialSample:
         axis = np.arange(40) / 8.0
         grid = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
         assert 0.08 < len(spatial_sample(grid, 6400)) / len(grid) < 0.12
+
+
+def test_thousands_of_radii_are_seen_as_well_as_a_few() -> None:
+    """A sample of so long an object is a string of beads: more of it is looked at."""
+    strands = 30
+    rng = np.random.default_rng(4)
+    angle = rng.uniform(0.0, 2.0 * np.pi, 90_000)
+    along, strand = rng.uniform(0.0, 0.6, len(angle)), rng.integers(0, strands, len(angle))
+    points = np.stack([along, 0.05 * strand + 0.004 * np.cos(angle), 0.004 * np.sin(angle)], axis=1)
+    found = estimate_scale(points)
+    assert found.radius_reliable and found.radius == pytest.approx(0.004, rel=0.03)
+    assert found.line_share == 1.0
+    assert found.per_radius == pytest.approx(90_000 * 0.004 / (0.6 * strands), rel=0.15)

@@ -43,9 +43,9 @@ def test_the_thin_direction_of_a_strip_is_the_view() -> None:
 
 def test_rays_come_from_the_viewpoint_or_along_the_direction() -> None:
     points = np.array([[0.0, 0.0, 2.0], [3.0, 0.0, 4.0]]).T
-    assert pytest.approx(np.array([[0, 0, 1], [0.6, 0, 0.8]])) == rays(points, np.array([0.0, 0.0, 0.0]), None).T
-    assert pytest.approx(np.array([[0, 1, 0], [0, 1, 0]])) == rays(points, None, np.array([0.0, 1.0, 0.0])).T
-    assert rays(points, None, None) is None
+    up = np.array([0.0, 1.0, 0.0])
+    assert pytest.approx(np.array([[0, 0, 1], [0.6, 0, 0.8]])) == rays(np.zeros(3), up)(points).T
+    assert pytest.approx(np.array([[0, 1, 0], [0, 1, 0]])) == rays(None, up)(points).T
 
 
 @pytest.mark.parametrize("viewpoint", [None, np.array([0.3, -0.2, 0.1])])

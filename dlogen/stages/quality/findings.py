@@ -271,6 +271,14 @@ NOISE = _kind(
     "captures.",
 )
 
+UNEVEN_SURFACE = _kind(
+    "uneven-surface",
+    ("note",),
+    "Neighbouring points are off the tube by the same: the surface has a pattern, or the sensor smooths its noise. The "
+    "points are worth fewer then, and the line is smoothed accordingly.",
+    "Nothing, if the object is wound, braided or corrugated, but its radius is then one between the least and the "
+    "largest. Of a coiled cord the model is that of the whole cord, not of its wire.",
+)
 STRAND = _kind(
     "strand",
     ("note",),

@@ -27,8 +27,9 @@ _LONG, _DENSE = 4.0, 0.3
 #: its spread across its length is below so many radii.
 _SPACED, _THIN = 2.0, 1.0
 
-#: A short piece of it is something if it is so many radii long, has so many points, no wider apart than that.
-_SHORT, _SHORT_POINTS, _SHORT_SPACED = 2.0, 25, 1.3
+#: A short piece of it is something if it is so many radii long, so many times as long as wide, and has so many points,
+#: no wider apart than that.
+_SHORT, _SLENDER, _SHORT_POINTS, _SHORT_SPACED = 2.0, 1.5, 25, 1.3
 
 
 def check_left_over(points: Array, line: Skeleton, radius: float, scatter: float = 0.0) -> list[Finding]:
@@ -65,10 +66,11 @@ def check_left_over(points: Array, line: Skeleton, radius: float, scatter: float
 
 def _is_strand(group: Array, extent: float, line: Array, radius: float) -> bool:
     """Whether points (K, 3) lie along a line `extent` long, about as close together as those of the object (M, 3)."""
-    spread = np.linalg.svd(group - group.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(group))
+    length, spread = np.linalg.svd(group - group.mean(axis=0), compute_uv=False)[:2] / np.sqrt(len(group))
     if spread > _THIN * radius or len(line) < 4:
         return False
     among, usual = (float(np.median(cKDTree(points).query(points, 4)[0][:, -1])) for points in (group, line))
     if extent >= _LONG * radius:
         return among < _SPACED * usual
-    return extent >= _SHORT * radius and len(group) >= _SHORT_POINTS and among < _SHORT_SPACED * usual
+    slender = extent >= _SHORT * radius and length > _SLENDER * spread
+    return bool(slender) and len(group) >= _SHORT_POINTS and among < _SHORT_SPACED * usual

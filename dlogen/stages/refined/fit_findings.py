@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dlogen.stages.quality.findings import GAP, NOISE
+from dlogen.stages.quality.findings import GAP, NOISE, UNEVEN_SURFACE
 from dlogen.stages.refined.ordering import Ordering
 from dlogen.stages.refined.refine import Refined
 from dlogen.stages.refined.second_thoughts import reconsidered
@@ -11,6 +11,9 @@ from dlogen.types.texts import millimetres
 
 #: A gap below this share of the length is bridged without doubt.
 _SMALL_GAP = 0.05
+
+#: Points that share their noise, from which on that is said.
+_UNEVEN = 10.0
 
 #: Noise over radius that is worth a note, and beyond which the line is doubtful.
 _NOTED, _NOISY = 0.01, 0.5
@@ -30,6 +33,12 @@ def fit_findings(ordering: Ordering, fitted: Refined) -> tuple[Finding, ...]:
     if share > _NOTED:
         message = f"the points scatter by {1e3 * fitted.noise:.2g} mm, {100 * share:.0f} % of the radius"
         gaps.append(NOISE.found(message, "doubtful" if share > _NOISY else "note"))
+    if share > _NOTED and fitted.shared > _UNEVEN:
+        message = (
+            f"about {fitted.shared:.0f} neighbouring points share what they are off by: the surface has a pattern, as "
+            "of something wound, braided or corrugated, or the sensor smooths"
+        )
+        gaps.append(UNEVEN_SURFACE.found(message))
     return (*findings, *gaps, *fitted.findings)
 
 

@@ -35,12 +35,13 @@ from dlogen.stages.refined.caps import on_faces
 from dlogen.stages.refined.collars import about_collars, find_collars
 from dlogen.stages.refined.fit_findings import fit_findings
 from dlogen.stages.refined.node_line import clear_nodes, possible_nodes
-from dlogen.stages.refined.ordering import Ordering, order, order_strip
+from dlogen.stages.refined.ordering import Ordering, order_strip
 from dlogen.stages.refined.plugs import with_plugs
 from dlogen.stages.refined.refine import Refined, refine
-from dlogen.stages.refined.regime import is_doubted, shows_surface
+from dlogen.stages.refined.regime import hides_surface, is_doubted, shows_surface
 from dlogen.stages.refined.strand_axis import StrandFit
 from dlogen.stages.refined.strand_line import strand_findings, strand_fit
+from dlogen.stages.refined.thread import order_any
 from dlogen.stages.refined.veil import without_veil
 from dlogen.stages.scale import estimate_scale
 from dlogen.types import Array, Cloud, Finding, FittedLine, Intermediate
@@ -95,7 +96,7 @@ def _tube_line(cloud: Cloud, known: float | None, config: Config, clock: Clock) 
 
     with clock.stage("ordering"):
         bridging = Bridging.of(config)
-        first = order(points, known, scale, cloud.viewpoint, bridging)
+        first = order_any(points, known, scale, cloud.viewpoint, bridging)
         cloud, ordering = without_veil(cloud, known, first, bridging)
         points = cloud.points
         if cloud.viewpoint is not None and not ordering.noisy and any(item.is_bad for item in ordering.findings):
@@ -137,6 +138,9 @@ class _Surface(NamedTuple):
 def _fitted(cloud: Cloud, ordering: Ordering, known: float | None) -> _Surface | tuple[StrandFit, bool]:
     """The tube, or the strip where the noise hides the surface; with the latter, whether its side is known."""
     points = cloud.points
+    seen = _strip(cloud, ordering, known) if ordering.noisy else None
+    if seen is not None and (ordering.thread or hides_surface(seen[0])):
+        return seen
     failed = None
     try:
         fitted = refine(points, ordering.backbone, ordering.radius, fixed_radius=known is not None)
@@ -149,16 +153,22 @@ def _fitted(cloud: Cloud, ordering: Ordering, known: float | None) -> _Surface |
         if any(item.is_bad for item in ordering.findings):
             raise explained(reason, ordering.findings) from reason
         fitted, failed = None, reason
-    try:
-        seen = strand_fit(points, cloud.viewpoint, ordering, known)
-    except FitError:
-        seen = None
+    if not ordering.noisy:
+        seen = _strip(cloud, ordering, known)
     if seen is not None and (fitted is None or not shows_surface(fitted, seen[0])):
         return seen
     if fitted is None:
         assert failed is not None
         raise explained(failed, ordering.findings) from failed
     return surface
+
+
+def _strip(cloud: Cloud, ordering: Ordering, known: float | None) -> tuple[StrandFit, bool] | None:
+    """What the cloud shows as a strip; None where it is none."""
+    try:
+        return strand_fit(cloud.points, cloud.viewpoint, ordering, known)
+    except FitError:
+        return None
 
 
 def _of_strand(points: Array, ordering: Ordering, fit: StrandFit, side: bool, config: Config) -> FittedLine:
@@ -181,6 +191,7 @@ def _of_strand(points: Array, ordering: Ordering, fit: StrandFit, side: bool, co
         ),
         {"r": fit.radius, "N": fit.skeleton.basis.size},
         fit.regime,
+        fit.uncertainty,
     )
 
 
@@ -230,6 +241,7 @@ def _of_surface(points: Array, surface: _Surface, config: Config) -> FittedLine:
             *([] if known is None else check_radius(known, estimate_scale(points))),
         ),
         {"r": radius, "N": skeleton.basis.size},
+        uncertainty=fitted.uncertainty,
     )
 
 

@@ -71,6 +71,12 @@ class Solution:
         covariance: Array = rows @ solved + np.outer(through_radius, through_radius) / self.schur
         return covariance
 
+    def variances(self, rows: Array) -> Array:
+        """The diagonal of `covariance`: (R, 3 N) -> (R,)."""
+        solved = dpbtrs(self.factor, np.ascontiguousarray(rows.T), lower=1)[0]
+        result: Array = np.einsum("rn,nr->r", rows, solved) + (rows @ self.coupling) ** 2 / self.schur
+        return result
+
 
 class Linearisation:
     """The penalised least-squares problem around a curve, for any smoothing.

@@ -145,12 +145,14 @@ def _places(projected: BoolArray) -> IntArray:
 def _spread(points: Array, places: Array, reach: float) -> Array:
     """(P,) root mean square distance of the points around places from the line through them, metres."""
     near = cKDTree(points).query(places, min(_COMPANY, len(points)), distance_upper_bound=reach)[1]
+    near = near[:, : max(int((near < len(points)).sum(axis=1).max()), 1)]
     inside = (near < len(points)).astype(float)
     around = points[np.minimum(near, len(points) - 1)] - places[:, None]
     total = inside.sum(axis=1)
     mean = np.einsum("pk,pkc->pc", inside, around) / total[:, None]
     around -= mean[:, None]
-    covariance = np.einsum("pk,pki,pkj->pij", inside, around, around) / total[:, None, None]
+    weighted = around * inside[:, :, None]
+    covariance = weighted.transpose(0, 2, 1) @ around / total[:, None, None]
     values = np.linalg.eigvalsh(covariance)
     spread: Array = np.sqrt(np.maximum(values[:, 0] + values[:, 1], 0.0))
     return spread

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, reduce
 
 import numpy as np
 
 from dlogen.geometry.spline import spline_values
 from dlogen.types import Array, IntArray
+
+#: Points that are summed at a time: they stay in the processor's cache.
+_CHUNK = 1 << 13
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +64,10 @@ def normal_equations(
     k: IntArray, t: Array, direction: Array, residual: Array, weight: Array, intervals: int
 ) -> NormalEquations:
     """Sum the normal equations of points: see `NormalEquations`. Directions (3, M), the others (M,)."""
+    if len(k) > 2 * _CHUNK:
+        chunks = [slice(first, first + _CHUNK) for first in range(0, len(k), _CHUNK)]
+        parts = (normal_equations(k[c], t[c], direction[:, c], residual[c], weight[c], intervals) for c in chunks)
+        return reduce(NormalEquations.__add__, parts)
     root = np.sqrt(weight)
     columns = np.empty((14, len(k)))
     np.multiply((spline_values(t) * root)[:, None], direction, out=columns[:12].reshape(4, 3, -1))

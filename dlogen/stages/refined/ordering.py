@@ -44,6 +44,8 @@ from dlogen.types.texts import millimetres
 #: Size of the subset that the order is found on: at most, and for each radius of length.
 _SAMPLE = 6000
 _PER_RADIUS = 22.0
+#: Points for each radius of length that long objects need, and the most points for all that.
+_LEAST_PER_RADIUS, _LARGEST_SAMPLE = 11.0, 100_000
 #: Size of the subset that tells the share of strays.
 _LOOKED_AT = 2000
 #: Share of places where the cloud is longer than wide, below which it is no line.
@@ -99,6 +101,7 @@ class Ordering:
         joins: what was bridged between them.
         findings: what a user should know.
         noisy: the points scatter so much that their normals say nothing.
+        thread: they are too few to show a width, too (`dlogen.stages.refined.thread`).
         half_width: of the strip that they are then, metres.
     """
 
@@ -108,6 +111,7 @@ class Ordering:
     joins: tuple[Bridge, ...]
     findings: tuple[Finding, ...]
     noisy: bool = False
+    thread: bool = False
     half_width: float = float("nan")
 
 
@@ -139,8 +143,9 @@ def order(
     if not scale.resolved and len(points) <= _BEADS:
         return _beads(points, radius)
     r = radius or scale.radius
+    hidden = radius is not None and scale.half_width > _HIDDEN * radius and scale.thickness > _THICK * radius
     # A wire thinner than the noise; a bundle of strands is as thick, but its surfaces are thin.
-    if radius is not None and scale.half_width > _HIDDEN * radius and scale.thickness > _THICK * radius:
+    if hidden and not _bundles(points, scale, r):
         return order_strip(points, estimate_scale(points), None, viewpoint, bridging)
     # Where strands lie close together, no neighbourhood is longer than wide; with a known radius that does not matter.
     if radius is None and (scale.line_share < 0.2 or not np.isfinite(scale.per_radius)):
@@ -157,9 +162,7 @@ def order(
             stage="ordering",
         )
     # Many points for each radius of length don't make the order surer.
-    chosen = spatial_sample(
-        points, int(np.clip(_PER_RADIUS / scale.per_radius * scale.radius / r * len(points), 1000, _SAMPLE))
-    )
+    chosen = spatial_sample(points, _sample_size(len(points), scale.per_radius * r / scale.radius))
     sample = points[chosen]
     origin = middle(sample)
     sample = sample - origin
@@ -188,15 +191,27 @@ def order(
     )
 
 
+def _sample_size(count: int, per_radius: float) -> int:
+    """Size of the subset of so many points that the order is found on."""
+    radii = count / max(per_radius, 1e-9)
+    most = np.clip(_LEAST_PER_RADIUS * radii, _SAMPLE, _LARGEST_SAMPLE)
+    return int(np.clip(_PER_RADIUS * radii, 1000, most))
+
+
+def _bundles(points: Array, scale: Scale, radius: float) -> bool:
+    """Whether points gather on axes when they are projected by a radius, as those of strands side by side do."""
+    sample = points[spatial_sample(points, 4 * _SAMPLE)]
+    spacing = scale.spacing * np.sqrt(len(points) / len(sample))
+    votes, projected = axis_votes(sample, cKDTree(sample), radius, spacing)
+    return bool(projected.any()) and votes_agree(sample, votes, projected, radius)
+
+
 def _wrong_radius(points: Array, radius: float | None) -> bool:
     """Whether normals say nothing with a given radius only because it is wrong."""
     if radius is None:
         return False
     scale = estimate_scale(points)
-    sample = points[spatial_sample(points, _SAMPLE)]
-    spacing = scale.spacing * np.sqrt(len(points) / len(sample))
-    votes, projected = axis_votes(sample, cKDTree(sample), scale.radius, spacing)
-    return bool(projected.any()) and votes_agree(sample, votes, projected, scale.radius)
+    return _bundles(points, scale, scale.radius)
 
 
 def order_strip(
@@ -222,6 +237,20 @@ def order_strip(
     return _order_noise(points, scale, half_width, radius is None, view, bridging)
 
 
+def follow(points: Array, step: float, per_step: float, scale: Scale, bridging: Bridging | None = None) -> Ordering:
+    """The order of points without normals, followed in steps.
+
+    Args:
+        points: (M, 3) metres.
+        step: metres; it takes the place of the radius in all that `order` does.
+        per_step: points for each step of length.
+        scale: of the cloud.
+        bridging: as in `order`.
+    """
+    scale = replace(scale, radius=step, per_radius=per_step, line_share=1.0, round=True)
+    return _order_noise(points, scale, step / _STRIP, True, None, bridging)
+
+
 def _order_noise(
     points: Array,
     scale: Scale,
@@ -233,7 +262,7 @@ def _order_noise(
     """The order of points without normals, of a strip so wide."""
     r = (_STRIP if view is None else _FLAT_STRIP) * half_width
     per_radius = scale.per_radius * r / scale.radius
-    sample = points[spatial_sample(points, int(np.clip(_PER_RADIUS / per_radius * len(points), 1000, _SAMPLE)))]
+    sample = points[spatial_sample(points, _sample_size(len(points), per_radius))]
     per_radius *= len(sample) / len(points)
     if view is not None:
         sample = view.flat(sample)

@@ -11,27 +11,29 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from dlogen.errors import FitError
 from dlogen.geometry.basis import CubicBSpline
+from dlogen.geometry.polyline import segment_lengths
 from dlogen.geometry.sampling import spatial_sample
 from dlogen.stages.quality.findings import CURVATURE_UNCERTAIN, RADIUS_UNKNOWN
 from dlogen.stages.refined.caps import Caps, find_caps, straight_beyond, through_face
 from dlogen.stages.refined.ends import End, find_ends, find_gaps
 from dlogen.stages.refined.output_curve import curvature_std, output_curve, sharpest_bend, sufficient_spacing
-from dlogen.stages.refined.support import on_support
-from dlogen.stages.refined.tube import Tube, expected_distance
+from dlogen.stages.refined.shared_ends import INLIER, INLIER_FLOOR, shared_at_ends
+from dlogen.stages.refined.support import POINTS_PER_INTERVAL, on_support
+from dlogen.stages.refined.tube import Tube
 from dlogen.stages.refined.tube_curve import arc_at, arc_table, from_polyline, nearest
 from dlogen.stages.refined.tube_fit import LEAST_FLOOR, all_points, gauss_newton
-from dlogen.types import Array, BoolArray, Finding, Skeleton
+from dlogen.stages.refined.uncertainty import PLACES, line_uncertainty
+from dlogen.types import Array, BoolArray, Finding, Skeleton, Uncertainty
 
 #: Knot spacing over the radius, while the points near the curve are looked for and in the end. A cubic spline with
 #: knots 1.25 radii apart follows a bend of 3 radii to about 1e-3 radii.
 _COARSE, _FINE = 3.0, 1.25
 
-#: The most intervals, at first and of the fit.
-_ROUGH_INTERVALS, _MOST_INTERVALS = 96, 256
+#: The most intervals at first, where the smoothing asks for no more, and of the fit.
+_ROUGH_INTERVALS, _MOST_INTERVALS = 96, 20_000
 
 #: Rounds of searching for the points near the curve, and for its ends: each gets a radius farther.
 _ROUNDS = 30
@@ -39,6 +41,12 @@ _ROUNDS = 30
 #: Points that the backbone is brought to the axis with, and points of the fit proper; larger clouds are fitted by
 #: subsets of these sizes first. The last steps use a million points at most.
 _ROUGH_POINTS, _FINE_POINTS, _MOST_POINTS = 2000, 8000, 1_000_000
+
+#: So many times as many bring it there if the line bends more often than their number allows.
+_MORE = 4
+
+#: Points of the fit for each radius of length, where that is more: the longer a line, the more often it may bend.
+_FINE_PER_RADIUS = 20.0
 
 #: Knot spacing over the length below which the smoothing leaves nothing.
 _KNOTS = 0.8
@@ -54,17 +62,8 @@ _RADIUS_KNOWN = 0.02
 _BEND_KNOWN, _STRAIGHT = 0.25, 0.2
 
 
-#: An end is so many radii long where it is compared with other strands; those are this far from it along the curve.
-_END, _ELSEWHERE = 6.0, 12.0
-
 #: The axis is followed beyond the tube so many radii to look for the face of a closed end.
 _BEYOND = 6.0
-
-#: Samples of the curve that stand for it there.
-_SAMPLES_PER_RADIUS = 8.0
-
-#: Points within so many standard deviations of the surface belong to the tube; and within this share of the radius.
-_INLIER, _INLIER_FLOOR = 4.0, 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +88,7 @@ class Refined:
         used: how many points the last steps used.
         findings: what a user should know.
         closed: whether the faces of the two ends were seen, so that the object certainly ends there.
+        uncertainty: of the line along it.
     """
 
     skeleton: Skeleton
@@ -108,6 +108,7 @@ class Refined:
     used: int
     findings: tuple[Finding, ...]
     closed: tuple[bool, bool] = (False, False)
+    uncertainty: Uncertainty | None = None
 
 
 def refine(points: npt.ArrayLike, backbone: npt.ArrayLike, radius: float, *, fixed_radius: bool = False) -> Refined:
@@ -136,10 +137,11 @@ def refine(points: npt.ArrayLike, backbone: npt.ArrayLike, radius: float, *, fix
         raise FitError(f"a radius of {radius:g} m makes no tube", "give r in metres", stage="refine")
     origin = backbone.mean(axis=0)
     near = points - origin
-    # Subsets of subsets: each is a random sample of the whole, the same one in whatever order the points come.
+    # Random samples, the same ones in whatever order the points come; of the whole, since a sample of one is itself.
     most = _some(near, _MOST_POINTS)
-    fine = _some(most, _FINE_POINTS)
-    rough = _rough(_columns(_some(fine, _ROUGH_POINTS)), backbone - origin, radius, fixed_radius)
+    radii = float(segment_lengths(backbone).sum()) / radius
+    fine = _some(most, max(_FINE_POINTS, int(_FINE_PER_RADIUS * radii)))
+    rough = _rough(most, len(fine), backbone - origin, radius, fixed_radius)
     tube = _apart(_columns(fine), _fine(_columns(fine), rough, fixed_radius, radius), fixed_radius)
     if not tube.solid and find_caps(tube).any:
         return _closed(near, most, fine, tube, origin, fixed_radius)
@@ -147,7 +149,7 @@ def refine(points: npt.ArrayLike, backbone: npt.ArrayLike, radius: float, *, fix
     steps = 2 if more and not tube.solid else 0
     tube = all_points(_columns(most), tube, free_radius=not fixed_radius, steps=steps, search=more)
     whole = tube if most is near else all_points(_columns(near), tube, free_radius=False, steps=0, search=True)
-    shared = _shared_at_ends(_columns(most), tube)
+    shared = shared_at_ends(_columns(most), tube)
     return _result(tube, whole, shared, origin, fixed_radius)
 
 
@@ -160,15 +162,23 @@ def _columns(points: Array) -> Array:
     return np.ascontiguousarray(points.T)
 
 
-def _rough(points: Array, backbone: Array, radius: float, fixed_radius: bool) -> Tube:
-    """Bring the backbone to the axis and follow it to the ends: (3, M) points, (K, 3) vertices."""
-    nothing = np.zeros(points.shape[1])
-    tube = Tube(from_polyline(backbone, _COARSE * radius, radius, 1.0), radius, 0.1 * radius, nothing, nothing)
+def _rough(cloud: Array, most: int, backbone: Array, radius: float, fixed_radius: bool) -> Tube:
+    """Bring the backbone (K, 3) to the axis of points (M, 3), `most` of which count, and follow it to the ends."""
+    start = from_polyline(backbone, _COARSE * radius, radius, 1.0)
+    count = _ROUGH_POINTS
+    while True:
+        points = _columns(_some(cloud, min(count, most)))
+        nothing = np.zeros(points.shape[1])
+        tube = Tube(start, radius, 0.1 * radius, nothing, nothing)
+        tube = gauss_newton(points, tube, free_radius=False, steps=1, floor=0.1, search=True)
+        if count >= most or points.shape[1] > POINTS_PER_INTERVAL * start.length / _rough_spacing(tube, radius):
+            break
+        count *= _MORE
     for step in range(_ROUNDS):
-        # The radius is freed when the axis is halfway right: from outside it, a circle can be fitted in two ways.
-        free = step > 0 and not fixed_radius
-        tube = gauss_newton(points, tube, free_radius=free, steps=1, floor=0.1, search=step == 0)
-        grown = _on_support(tube, 1.0, _COARSE * radius, _ROUGH_INTERVALS)
+        if step > 0:
+            # The radius is freed when the axis is halfway right: from outside it, a circle can be fitted in two ways.
+            tube = gauss_newton(points, tube, free_radius=not fixed_radius, steps=1, floor=0.1)
+        grown = _on_support(tube, 1.0, _rough_spacing(tube, radius), _MOST_INTERVALS)
         if step >= 1 and grown.curve.length < tube.curve.length + 0.5 * radius:
             break
         tube = grown
@@ -197,7 +207,7 @@ def _apart(points: Array, tube: Tube, fixed_radius: bool) -> Tube:
     An end that is followed along another strand takes its points for its own: the curve goes on over it, or is bent
     away from the end, whose own points are outliers then.
     """
-    shared = np.zeros(points.shape[1], dtype=bool) if tube.solid else _shared_at_ends(points, tube)
+    shared = np.zeros(points.shape[1], dtype=bool) if tube.solid else shared_at_ends(points, tube)
     if not shared.any():
         return tube
     free = not fixed_radius
@@ -231,7 +241,7 @@ def _closed(near: Array, most: Array, fine: Array, tube: Tube, origin: Array, fi
         )
         fitted = all_points(own, fitted, free_radius=free, steps=2, search=True)
     radius, s = fitted.radius, arc_at(arc_table(fitted.curve)[1], fitted.x)
-    s = s[(np.abs(fitted.residual) < max(_INLIER * fitted.sigma, _INLIER_FLOOR * radius)) & fitted.on_curve]
+    s = s[(np.abs(fitted.residual) < max(INLIER * fitted.sigma, INLIER_FLOOR * radius)) & fitted.on_curve]
     low, high = float(s.min()), float(s.max())
     more = tuple(_BEYOND * radius for _ in closed)
     curve = straight_beyond(fitted.curve, low, high, (more[0], more[1]))
@@ -245,7 +255,7 @@ def _closed(near: Array, most: Array, fine: Array, tube: Tube, origin: Array, fi
         if closed[side]:
             away = through_face(_columns(most), curve, at / length * curve.intervals, radius, side == 1)
             faces[side] = None if away is None else (at - away, at + away)[side]
-    shared = _shared_at_ends(_columns(most), used)
+    shared = shared_at_ends(_columns(most), used)
     return _result(used, whole, shared, origin, fixed_radius, fitted, (faces[0], faces[1]))
 
 
@@ -256,37 +266,22 @@ def _without(points: Array, tube: Tube, caps: Caps) -> tuple[Array, Tube]:
     return points[:, kept], replace(tube, x=tube.x[kept], distance=tube.distance[kept])
 
 
-def _shared_at_ends(points: Array, tube: Tube) -> BoolArray:
-    """Which points near an end of the curve lie on the surface around another part of it, or inside: (3, M) points."""
-    curve, radius = tube.curve, tube.radius
-    grid, arc, _ = arc_table(curve)
-    count = round(_SAMPLES_PER_RADIUS * float(arc[-1]) / radius)
-    even = np.linspace(0.0, float(arc[-1]), count)
-    places = curve(np.interp(even, arc, grid))
-    s = arc_at(arc, tube.x)
-    reach = expected_distance(radius, tube.sigma) + _INLIER * max(tube.sigma, _INLIER_FLOOR / _INLIER * radius)
-    shared = np.zeros(points.shape[1], dtype=bool)
-    for at_end, away in ((s, even), (arc[-1] - s, arc[-1] - even)):
-        near = np.flatnonzero(at_end < _END * radius)
-        if not len(near):
-            continue
-        end = points[:, near]
-        # Most curves do not come back to their ends: nothing is left to ask then.
-        low, high = end.min(axis=1) - reach, end.max(axis=1) + reach
-        others = places[(away > _ELSEWHERE * radius) & ((places > low) & (places < high)).all(axis=1)]
-        if len(others):
-            distance = cKDTree(others).query(end.T, distance_upper_bound=reach)[0]
-            shared[near] |= np.isfinite(distance)
-    return shared
+def _left_over(tube: Tube) -> float:
+    """Length that the smoothing leaves over, metres: what is shorter needs no knots of its own."""
+    density = 0.5 * np.count_nonzero(tube.on_curve) / tube.curve.length
+    return (tube.smoothing / density) ** (1.0 / 6.0) if tube.smoothing else 0.0
+
+
+def _rough_spacing(tube: Tube, radius: float) -> float:
+    """Distance of the knots while the ends are looked for, metres; long lines have fewer if they bend little."""
+    few = tube.curve.length / _ROUGH_INTERVALS
+    return max(_COARSE * radius, min(few, _KNOTS * _left_over(tube)))
 
 
 def _knot_spacing(tube: Tube) -> float:
     """Distance of the knots that a tube needs, metres: not less than 1.25 radii."""
-    # What is shorter than the smoothing leaves over needs no knots of its own.
-    density = 0.5 * np.count_nonzero(tube.on_curve) / tube.curve.length
-    left_over = (tube.smoothing / density) ** (1.0 / 6.0) if tube.smoothing else 0.0
     enough = 0.7 * sufficient_spacing(tube.curve, tube.radius)
-    return max(_FINE * tube.radius, _KNOTS * left_over, min(enough, _COARSE * tube.radius))
+    return max(_FINE * tube.radius, _KNOTS * _left_over(tube), min(enough, _COARSE * tube.radius))
 
 
 def _on_support(tube: Tube, margin: float, spacing: float, most: int) -> Tube:
@@ -319,10 +314,10 @@ def _result(
     curve, radius, sigma = tube.curve, tube.radius, tube.sigma
     fit = fit or tube
     grid, arc, _ = arc_table(curve)
-    scale = max(sigma, _INLIER_FLOOR / _INLIER * radius)
+    scale = max(sigma, INLIER_FLOOR / INLIER * radius)
     deviation = np.abs(tube.residual) / scale
     s = arc_at(arc, tube.x)
-    inside = s[(deviation < _INLIER) & tube.on_curve & ~shared]
+    inside = s[(deviation < INLIER) & tube.on_curve & ~shared]
     ends = find_ends(inside, deviation[tube.on_curve], sigma)
     first, last = (end if face is None else End(face, sigma) for end, face in zip(ends, faces, strict=True))
     start, end = first.position, last.position
@@ -344,12 +339,12 @@ def _result(
     else:
         radius_std = sigma / float(np.sqrt(fit.solution.schur))
     known = radius_std < _RADIUS_KNOWN * radius
-    gaps = find_gaps(s[(deviation < _INLIER) & tube.on_curve], start, end, radius)
+    gaps = find_gaps(s[(deviation < INLIER) & tube.on_curve], start, end, radius)
 
     used = len(s)
     if whole is not tube:
         s, deviation = arc_at(arc, whole.x), np.abs(whole.residual) / scale
-    inlier = (deviation < _INLIER) & (s > start - _INLIER * scale) & (s < end + _INLIER * scale) & whole.on_curve
+    inlier = (deviation < INLIER) & (s > start - INLIER * scale) & (s < end + INLIER * scale) & whole.on_curve
     return Refined(
         skeleton=skeleton,
         radius=radius,
@@ -368,7 +363,17 @@ def _result(
         used=used,
         findings=_findings(skeleton, radius, radius_std, known, kappa, s_kappa, kappa_std),
         closed=(faces[0] is not None, faces[1] is not None),
+        uncertainty=_uncertainty(tube, fit, np.interp(np.linspace(start, end, PLACES), arc, grid), radius_std),
     )
+
+
+def _uncertainty(tube: Tube, fit: Tube, x: Array, radius_std: float) -> Uncertainty | None:
+    """How well the axis is known at places of a tube, by the fit that it came from."""
+    if fit.solution is None:
+        return None
+    if fit is not tube:
+        x = nearest(fit.curve, tube.curve(x).T, 0.1 * tube.radius)
+    return line_uncertainty(fit.curve, fit.solution, fit.sigma, x, radius_std)
 
 
 def _findings(

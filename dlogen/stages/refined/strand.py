@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dlogen.errors import FitError
+from dlogen.geometry.sampling import spatial_sample
 from dlogen.geometry.vectors import column_dots
 from dlogen.stages.refined.linearisation import LOG_LAMBDA, Linearisation, Solution
 from dlogen.stages.refined.normal_equations import normal_equations
@@ -30,10 +31,11 @@ from dlogen.stages.refined.tube_curve import (
     nearest,
     through,
 )
-from dlogen.types import Array, BoolArray
+from dlogen.stages.view import View
+from dlogen.types import Array, BoolArray, IntArray
 
 #: Knot spacing over half the width, at first and in the end; most intervals.
-_COARSE, _FINE, _MOST = 8.0, 3.0, 256
+_COARSE, _FINE, _MOST = 8.0, 3.0, 20_000
 
 #: Rounds at first, which follow the ends, and rounds of the fit proper.
 _ROUGH_ROUNDS, _ROUNDS = 40, 5
@@ -43,6 +45,9 @@ _ON = 3.0
 
 #: A gap at an end of so many half widths is a strand that crosses there.
 _OVER = 5.0
+
+#: Points of the rounds at first, and of those of the fit proper; the last one has all.
+_FEW, _SOME = 3000, 8000
 
 #: Distance of the knots of a line that follows the shape of the object but not the noise, in half widths.
 _SHAPE = 20.0
@@ -87,30 +92,47 @@ class Strand:
         return np.hypot(self.depth / (3.0 * self.sigma[0]), self.across / (1.2 * self.half_width))
 
 
-def fit_strand(points: Array, rays: Array, backbone: Array, half_width: float) -> Strand:
+def fit_strand(points: Array, view: View, backbone: Array, half_width: float) -> Strand:
     """Fit the line.
 
     Args:
         points: (3, M) metres.
-        rays: (3, M) unit vectors along which they are seen.
+        view: along which they are seen.
         backbone: (K, 3) vertices in order, metres.
         half_width: of the strip, roughly, metres.
     """
+    everything = points
+    some = everything if points.shape[1] <= _SOME else _some(points, _SOME)
+    # Of the whole, since a sample of a sample is itself.
+    points = some if points.shape[1] <= _FEW else _some(points, _FEW)
     nothing = np.zeros(points.shape[1])
     curve = from_polyline(backbone, _COARSE * half_width, half_width, 1.0)
     strand = Strand(curve, half_width, nothing, nothing, nothing, (half_width, half_width), (1.0, 1.0))
     for step in range(_ROUGH_ROUNDS):
-        # Beyond a strand that it crosses, an end goes on: far enough to see that, and the points there have to be found.
-        strand = _step(points, rays, strand, search=True, least=-3.0)
+        # Beyond a strand that it crosses, an end goes on: it is followed far enough to find the points there.
+        strand = _step(points, view, strand, search=True, least=-3.0)
         grown = _supported(strand, _ON, _COARSE * half_width)
         if step >= 1 and grown.curve.length < strand.curve.length + 0.5 * half_width:
             break
         strand = grown
-    shared = _shared_depth(points, rays, strand)
+    if some is not points:
+        points = some
+        strand = _step(points, view, strand, search=True, least=-3.0)
+    shared = _shared_depth(points, view, strand)
     strand = replace(_supported(strand, 0.7, _FINE * half_width), smoothing=None)
-    for step in range(_ROUNDS):
-        strand = _step(points, rays, _worth(strand, shared), search=step == 0)
-    return strand
+    for _ in range(_ROUNDS):
+        strand = _step(points, view, _worth(strand, shared))
+    if some is everything:
+        return strand
+    # The more points there are, the more of them share their noise.
+    times = everything.shape[1] / points.shape[1]
+    depth, across = (1.0 + (worth - 1.0) * times for worth in strand.inflation)
+    return _step(everything, view, replace(strand, inflation=(depth, across)), search=True)
+
+
+def _some(points: Array, count: int) -> Array:
+    """About so many of the points: (3, M)."""
+    return points[:, spatial_sample(points.T, count)]
 
 
 def _worth(strand: Strand, shared: float) -> Strand:
@@ -129,7 +151,7 @@ def _worth(strand: Strand, shared: float) -> Strand:
     return replace(strand, inflation=(max(shared / strand.sigma[0] ** 2, 1.0), across))
 
 
-def _shared_depth(points: Array, rays: Array, strand: Strand) -> float:
+def _shared_depth(points: Array, view: View, strand: Strand) -> float:
     """Variance of sums of depths over the number of their points, about a line with few knots, square metres.
 
     A line that is free to follow what neighbours share would hide it, and one that is told what they share could be
@@ -141,7 +163,7 @@ def _shared_depth(points: Array, rays: Array, strand: Strand) -> float:
     coarse = through(curve(places).T, few, curve.length / few)
     x, k, t, offset = foot_points(curve, points, strand.x)
     at = x * (few / curve.intervals)
-    depth, across, ahead, _ = components(curve, k, t, offset, rays)
+    depth, across, ahead, _ = components(curve, k, t, offset, view)
     depth = depth + column_dots(curve(x).T - coarse(at).T, ahead)
     good = (np.abs(across) < 1.2 * strand.half_width) & (x > 0.0) & (x < curve.intervals)
     depth = depth - np.median(depth[good])
@@ -151,11 +173,11 @@ def _shared_depth(points: Array, rays: Array, strand: Strand) -> float:
     )
 
 
-def _step(points: Array, rays: Array, strand: Strand, *, search: bool = False, least: float = LOG_LAMBDA[0]) -> Strand:
+def _step(points: Array, view: View, strand: Strand, *, search: bool = False, least: float = LOG_LAMBDA[0]) -> Strand:
     curve, half = evened(strand.curve), strand.half_width
     x = nearest(curve, points, 0.5 * half) if search else strand.x
     x, k, t, offset = foot_points(curve, points, x, 2 if search else 1)
-    depth, across, ahead, sideways = components(curve, k, t, offset, rays)
+    depth, across, ahead, sideways = components(curve, k, t, offset, view)
     on = (x > 0.0) & (x < curve.intervals)
     near = on & (np.abs(across) < _NEAR * half) & (np.abs(depth) < max(3.0 * half, 4.0 * strand.sigma[0]))
     if np.count_nonzero(near) < 10:
@@ -182,9 +204,14 @@ def _step(points: Array, rays: Array, strand: Strand, *, search: bool = False, l
     )
 
 
-def components(curve: TubeCurve, k, t, offset: Array, rays: Array) -> tuple[Array, Array, Array, Array]:
-    """Offsets along the view and across it, and the unit vectors of these two: (3, M) offsets."""
+def components(curve: TubeCurve, k: IntArray, t: Array, offset: Array, view: View) -> tuple[Array, Array, Array, Array]:
+    """Offsets (3, M) along the view and across it, and the unit vectors of these two.
+
+    The view is that of the places on the line: with that of the points, a strip seen in perspective would be the
+    narrower, the farther away the line is put, and the fit would do so.
+    """
     tangent = curve.at(k, t, 1)
+    rays = view(curve.at(k, t))
     tangent = tangent / np.maximum(np.sqrt(column_dots(tangent, tangent)), 1e-9)
     ahead = rays - column_dots(rays, tangent) * tangent
     ahead = ahead / np.maximum(np.sqrt(column_dots(ahead, ahead)), 1e-9)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dlogen.geometry.basis import CubicBSpline
-from dlogen.geometry.spline import spline_values
 from dlogen.geometry.vectors import column_dots, unit
 from dlogen.stages.refined.ends import find_ends, find_gaps
 from dlogen.stages.refined.output_curve import output_curve, sharpest_bend
 from dlogen.stages.refined.strand import Strand, components
 from dlogen.stages.refined.tube_curve import SAMPLES, TubeCurve, arc_at, arc_table, foot_points, through
-from dlogen.types import Array, BoolArray, Skeleton
+from dlogen.stages.refined.uncertainty import PLACES, line_uncertainty
+from dlogen.stages.view import View
+from dlogen.types import Array, BoolArray, Skeleton, Uncertainty
 
 #: The axis is behind the mean depth of the seen half of a tube by this many radii: the mean of sqrt(1 - w^2) over the
 #: width, which a camera's pixels cover evenly.
@@ -22,6 +23,9 @@ _BEHIND = np.pi / 4.0
 #: The edges of the strip: this quantile of the distances across the view, and where it is for pixels that cover the
 #: width evenly and for points that cover the circumference evenly, on average.
 _EDGE, _EDGE_AT = 0.95, 0.97
+
+#: Points farther off than so many half widths are of something else.
+_WIDEST = 2.5
 
 #: Length of the stretches whose width is measured, in half widths, and the points that each needs.
 _STRETCH, _FEWEST = 4.0, 12
@@ -54,9 +58,9 @@ class StrandFit:
         s: (M,) foot coordinates in [0, 1].
         noise: standard deviation along the view, metres.
         shared: how many points share their noise.
-        position_std: (P,) of the axis at P even places from end to end, metres.
+        uncertainty: of the axis along it.
         gaps: (s0, s1) of stretches without points.
-        max_curvature, max_curvature_s, curvature_std: of the sharpest bend, 1/m.
+        max_curvature, max_curvature_s: of the sharpest bend, 1/m.
         regime: "strand", or "thread" where not even the width shows.
     """
 
@@ -70,11 +74,10 @@ class StrandFit:
     s: Array
     noise: float
     shared: float
-    position_std: Array
+    uncertainty: Uncertainty
     gaps: tuple[tuple[float, float], ...]
     max_curvature: float
     max_curvature_s: float
-    curvature_std: float
     regime: str
 
     @property
@@ -84,22 +87,26 @@ class StrandFit:
 
 
 def object_of(
-    strand: Strand, points: Array, rays: Array, radius: float | None, origin: Array, *, side: bool, around: bool = False
+    strand: Strand, points: Array, view: View, radius: float | None, origin: Array, *, side: bool, around: bool = False
 ) -> StrandFit:
     """The object that a strip is seen of.
 
     Args:
         strand: the strip.
-        points, rays: (3, M) as it was fitted to.
+        points: (3, M) that it was fitted to, metres.
+        view: along which they are seen.
         radius: the given one, metres.
         origin: (3,) of the points, metres.
         side: whether it is known from which side the strip is seen; if not, the line stays in its surface.
         around: the points are noise all around the object, so that the line is the axis.
     """
-    arc = arc_table(strand.curve)[1]
+    grid, arc, _ = arc_table(strand.curve)
     s = arc_at(arc, strand.x)
     inlier = (strand.deviation < 1.0) & strand.on_curve
-    half_width, widths, spread = _half_width(s[inlier], strand.across[inlier], strand.half_width)
+    # Stretches that are wider than the rest are to show.
+    wide = strand.on_curve & (np.abs(strand.depth) < 3.0 * strand.sigma[0])
+    wide &= np.abs(strand.across) < _WIDEST * strand.half_width
+    half_width, widths, spread = _half_width(s[wide], strand.across[wide], strand.half_width)
     pixel = float(np.sqrt(2.0 * half_width * strand.curve.length / max(np.count_nonzero(inlier), 1)))
     if radius is None:
         used, radius_std = half_width, float(np.hypot(np.hypot(_PIXELS * pixel, _SHARE * half_width), spread))
@@ -108,13 +115,13 @@ def object_of(
     behind = _BEHIND * used if side and not around else 0.0
     along = strand.sigma[0]
     first, last = find_ends(s[inlier], 3.0 * strand.deviation[strand.on_curve], _END * half_width)
-    axis, scale = _behind(strand.curve, points, rays, strand.x, behind)
+    axis, scale = _behind(strand.curve, view, behind)
     start, end = (float(np.interp(place, arc, scale)) for place in (first.position, last.position))
     fitted = output_curve(axis, start, end, used)
     length = float(arc_table(fitted)[1][-1])
     skeleton = Skeleton(CubicBSpline(fitted.intervals + 3), fitted.coefficients, origin, length)
     x, k, t, offset = foot_points(axis, points, strand.x, 2)
-    depth, across, _, _ = components(axis, k, t, offset, rays)
+    depth, across, _, _ = components(axis, k, t, offset, view)
     seen = np.sqrt(np.maximum(used**2 - across**2, 0.0)) if side else np.full(len(x), 0.0)
     residual = -(depth + seen)
     if around:
@@ -122,7 +129,11 @@ def object_of(
         residual = away - np.median(away[inlier])
     place = arc_at(arc_table(axis)[1], x)
     kappa, s_kappa = sharpest_bend(fitted)
-    stds = _position_std(strand, np.linspace(first.position, last.position, 101), arc)
+    known = _uncertainty(strand, np.interp(np.linspace(first.position, last.position, PLACES), arc, grid), radius_std)
+    if not around:
+        # How far behind its surface the axis is depends on the radius, and on how its points cover the width.
+        behind_std = 0.15 * used + _BEHIND * radius_std if side else used
+        known = replace(known, position=np.hypot(known.position, behind_std))
     return StrandFit(
         skeleton=skeleton,
         radius=used,
@@ -134,11 +145,10 @@ def object_of(
         s=np.clip((place - start) / (end - start), 0.0, 1.0),
         noise=along,
         shared=strand.inflation[0],
-        position_std=stds if around else np.hypot(stds, 0.15 * used + _BEHIND * radius_std if side else used),
+        uncertainty=known,
         gaps=find_gaps(s[inlier], first.position, last.position, half_width),
         max_curvature=kappa,
         max_curvature_s=s_kappa,
-        curvature_std=0.0,
         regime="thread" if around or half_width < _PIXELS_WIDE * pixel else "strand",
     )
 
@@ -166,33 +176,19 @@ def _half_width(s: Array, across: Array, guess: float) -> tuple[float, Array, fl
     return usual, widths, spread
 
 
-def _behind(curve: TubeCurve, points: Array, rays: Array, x: Array, behind: float) -> tuple[TubeCurve, Array]:
+def _behind(curve: TubeCurve, view: View, behind: float) -> tuple[TubeCurve, Array]:
     """The curve moved along the view, and the arc lengths on it of the places of the table of the old one."""
     samples = np.linspace(0.0, curve.intervals, curve.intervals * SAMPLES + 1)
     place, tangent = curve(samples).T, unit(curve(samples, 1)).T
-    # The view at a place of the curve is that of the points there.
-    order = np.argsort(x)
-    near = order[np.clip(np.searchsorted(x[order], samples), 0, len(x) - 1)]
-    view = rays[:, near]
-    ahead = view - column_dots(view, tangent) * tangent
-    ahead = unit(ahead.T).T
-    moved = through(place + behind * ahead, curve.intervals, curve.step)
+    rays = view(place)
+    ahead = rays - column_dots(rays, tangent) * tangent
+    moved = through(place + behind * unit(ahead.T).T, curve.intervals, curve.step)
     return moved, arc_table(moved)[1]
 
 
-def _position_std(strand: Strand, at: Array, arc: Array) -> Array:
-    """Standard deviation of the line at arc lengths, metres: the larger one of the two directions across it."""
-    curve, solution = strand.curve, strand.solution
-    if solution is None:
-        return np.zeros(len(at))
-    grid = arc_table(curve)[0]
-    x = np.interp(at, arc, grid)
-    k = np.clip(x.astype(np.intp), 0, curve.intervals - 1)
-    values = spline_values(x - k)
-    stds = np.zeros((len(at), 3))
-    for c in range(3):
-        rows = np.zeros((len(at), curve.coefficients.size))
-        for q in range(4):
-            rows[np.arange(len(at)), 3 * (k + q) + c] = values[q]
-        stds[:, c] = np.sqrt(np.maximum(np.diag(solution.covariance(rows)), 0.0))
-    return stds.max(axis=1)
+def _uncertainty(strand: Strand, x: Array, radius_std: float) -> Uncertainty:
+    """Of the line through the strip, at places of it."""
+    if strand.solution is None:
+        nothing = np.zeros(len(x))
+        return Uncertainty(np.linspace(0.0, 1.0, len(x)), nothing, nothing, radius_std)
+    return line_uncertainty(strand.curve, strand.solution, 1.0, x, radius_std)

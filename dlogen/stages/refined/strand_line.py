@@ -26,7 +26,7 @@ from dlogen.stages.refined.fit_findings import gap_findings
 from dlogen.stages.refined.ordering import Ordering
 from dlogen.stages.refined.strand import Strand, fit_strand
 from dlogen.stages.refined.strand_axis import StrandFit, object_of
-from dlogen.stages.view import ONE_SIDED, rays, thin_direction
+from dlogen.stages.view import ONE_SIDED, View, rays, thin_direction
 from dlogen.types import Array, Finding
 from dlogen.types.texts import millimetres
 
@@ -62,26 +62,32 @@ def strand_fit(
     columns = np.ascontiguousarray(near.T)
     half_width = ordering.half_width if ordering.noisy else ordering.radius
     direction, ratio = thin_direction(near, backbone)
-    if viewpoint is None and ratio < ONE_SIDED:
-        if radius is None or half_width < _THREAD * radius:
+    if ordering.thread or (viewpoint is None and ratio < ONE_SIDED):
+        if not ordering.thread and (radius is None or half_width < _THREAD * radius):
             return None
-        # A wire in noise that is the same all around: no direction is the view, and any will do.
-        tangent = unit(np.gradient(backbone, axis=0))
-        view = np.ascontiguousarray(normals_to(tangent[cKDTree(backbone).query(near)[1]]).T)
-        return object_of(
-            fit_strand(columns, view, backbone, half_width), columns, view, radius, origin, side=True, around=True
-        ), True
-    view = rays(columns, None if viewpoint is None else viewpoint - origin, direction)
-    assert view is not None
+        strand = fit_strand(columns, _any_view(backbone), backbone, half_width)
+        return object_of(strand, columns, _any_view(backbone), radius, origin, side=True, around=True), True
+    view = rays(None if viewpoint is None else viewpoint - origin, direction)
     strand = fit_strand(columns, view, backbone, half_width)
     side = viewpoint is not None
     if not side:
         sure = _behind_at_edges(strand)
         if sure < 0.0:
-            view = -view
+            view = rays(None, -direction)
             strand = replace(strand, depth=-strand.depth, across=-strand.across)
         side = abs(sure) > _SURE
     return object_of(strand, columns, view, radius, origin, side=side), side
+
+
+def _any_view(backbone: Array) -> View:
+    """A view across the line everywhere: in noise that is the same all around, no direction is the view, any will do."""
+    across = normals_to(unit(np.gradient(backbone, axis=0)))
+    tree = cKDTree(backbone)
+
+    def view(places: Array) -> Array:
+        return np.ascontiguousarray(across[tree.query(places.T)[1]].T)
+
+    return view
 
 
 def _behind_at_edges(strand: Strand) -> float:
@@ -105,16 +111,21 @@ def strand_findings(fit: StrandFit, ordering: Ordering, known: float | None, sid
     findings.append(NOISE.found(f"the points scatter by {millimetres(fit.noise)} along the view", "note"))
     if not side:
         findings.append(SIDE_UNKNOWN.found("seen from one side, and the points do not tell from which"))
+        message = (
+            "no cross-section is that of one round object: this is a strip seen from one side, or strands lie side "
+        )
+        findings.append(SIDE_BY_SIDE.found(message + "by side: give r, and the sensor's position"))
     if known is None and not fit.radius_known:
         share = 100.0 * fit.radius_std / fit.radius
         findings.append(RADIUS_UNKNOWN.found(f"the width of the strip tells the radius to {share:.0f} % only: give r"))
     if known is not None and fit.regime == "strand" and abs(fit.half_width / known - 1.0) > _CONTRADICTED:
         message = f"r = {millimetres(known)} was given, but the strip is {millimetres(2.0 * fit.half_width)} wide"
         findings.append(RADIUS_MISMATCH.found(message))
-    worst = int(np.argmax(fit.position_std))
-    if fit.position_std[worst] > fit.radius:
-        text = f"the line is known to {millimetres(float(fit.position_std[worst]))} only here"
-        findings.append(POSITION_UNCERTAIN.at(line, worst / (len(fit.position_std) - 1), text))
+    known_to = fit.uncertainty.position
+    worst = int(np.argmax(known_to))
+    if known_to[worst] > fit.radius:
+        text = f"the line is known to {millimetres(float(known_to[worst]))} only here"
+        findings.append(POSITION_UNCERTAIN.at(line, float(fit.uncertainty.s[worst]), text))
     return [*findings, *_widths(fit), *_contacts(fit, ordering)]
 
 
@@ -126,7 +137,8 @@ def _widths(fit: StrandFit) -> list[Finding]:
     if odd[worst] < _UNEVEN:
         return []
     s = float(np.clip(fit.widths[worst, 0] / fit.skeleton.length, 0.0, 1.0))
-    text = f"the strip is {millimetres(2.0 * float(fit.widths[worst, 1]))} wide here, elsewhere {millimetres(2.0 * fit.half_width)}"
+    here, usual = millimetres(2.0 * float(fit.widths[worst, 1])), millimetres(2.0 * fit.half_width)
+    text = f"the strip is {here} wide here, elsewhere {usual}"
     return [RADIUS_VARIES.at(fit.skeleton, s, text, "note")]
 
 

@@ -9,7 +9,7 @@ from dlogen.stages.refined.tube_curve import TubeCurve, arc_at, arc_table, repar
 from dlogen.types import Array, BoolArray, IntArray
 
 #: The fewest intervals of a curve, and the points that each of them needs.
-FEWEST_INTERVALS, _POINTS_PER_INTERVAL = 6, 12
+FEWEST_INTERVALS, POINTS_PER_INTERVAL = 6, 12
 
 #: Points at an end that tell how densely they lie there.
 _FEW = 10
@@ -62,9 +62,10 @@ def on_support(
     behind = np.flatnonzero((lone > longest[1]) & (everything[:-1] >= s[-1]))
     s = everything[before[-1] + 1 if len(before) else 0 : behind[0] + 1 if len(behind) else len(everything)]
     low, high = min(low, float(s[0])), max(high, float(s[-1]))
-    before, after = np.clip(reach, margin * radius, 3.0 * radius).tolist()
+    # Points that are farther apart than the object is thick are followed from one to the next.
+    before, after = np.clip(reach, margin * radius, np.maximum(3.0 * radius, 0.25 * reach)).tolist()
     low, high = max(low, float(s[0]) - radius) - before, min(high, float(s[-1]) + radius) + after
-    most = max(FEWEST_INTERVALS, min(most, len(s) // _POINTS_PER_INTERVAL))
+    most = max(FEWEST_INTERVALS, min(most, len(s) // POINTS_PER_INTERVAL))
     intervals = int(np.clip(round((high - low) / spacing), FEWEST_INTERVALS, most))
     moved = reparametrised(curve, intervals, low, high)
     return moved, np.clip((whole - low) / moved.step, 0.0, float(intervals))

@@ -26,6 +26,8 @@ _CLOSE, _LEAST = 1e-3, 1e-8
 _LEAST_STEP = 0.02
 #: Steps of that search at most.
 _MOST_STEPS = 20_000
+#: Joints that are laid at a time.
+_STEPS = 64
 #: Places that are worked on at a time: they stay in the processor's cache.
 _AT_ONCE = 1 << 14
 
@@ -137,27 +139,74 @@ def trace(table: CurveTable, lengths: Array) -> Traces:
         table: the line.
         lengths: (B,) segment lengths, metres.
     """
-    end = float(table.cells)
-    at, counts = np.zeros(len(lengths)), np.zeros(len(lengths), dtype=np.intp)
-    centre = np.repeat(table.points[:, :1], len(lengths), axis=1)
-    reach = lengths / table.step
-    columns, rows, passed = [at], np.arange(len(lengths)), reach
-    while len(rows):
-        start = at[rows]
-        # Pieces are about as long as the ones before them.
-        guess = start + np.minimum(np.maximum(passed, reach), 1.05 * reach)
-        found, centre = _first_crossing(table, start, guess, centre, reach * table.step)
-        passed = found - start
-        counts[rows] += 1
-        # What is left over by less than a nanometre is no segment.
-        going = (end - found) * table.step > 1e-9
-        if not going.all():
-            rows, centre, found = rows[going], centre[:, going], found[going]
-            reach, passed = reach[going], passed[going]
-        at = np.full(len(lengths), end)
-        at[rows] = found
-        columns.append(at)
-    return Traces(lengths, np.stack(columns, axis=1), counts)
+    walk = Walk(table, lengths)
+    columns = [np.zeros((len(lengths), 1))]
+    everything = np.arange(len(lengths))
+    while walk.going.any():
+        columns.append(walk.advance(everything, _STEPS)[:, 1:])
+    u = np.concatenate(columns, axis=1)
+    return Traces(lengths, u[:, : walk.counts.max(initial=0) + 1], walk.counts)
+
+
+class Walk:
+    """Chains that are laid joint by joint, all of them at a time.
+
+    Args:
+        table: the line.
+        lengths: (B,) segment lengths, metres.
+
+    Attributes:
+        counts: (B,) segments of each chain up to now.
+        going: (B,) which chains have not come to the end; others can be stopped.
+    """
+
+    def __init__(self, table: CurveTable, lengths: Array) -> None:
+        size = len(lengths)
+        self.table = table
+        self.counts = np.zeros(size, dtype=np.intp)
+        self.going = np.ones(size, dtype=np.bool_)
+        self._at = np.zeros(size)
+        self._centre = np.repeat(table.points[:, :1], size, axis=1)
+        self._reach = lengths / table.step
+        self._passed = self._reach.copy()
+
+    def advance(self, rows: IntArray, steps: int) -> Array:
+        """Lay as many joints or fewer, until all chains are at the end.
+
+        Args:
+            rows: (R,) the chains; those that do not go stay where they are.
+            steps: joints.
+
+        Returns:
+            (R, S + 1) places of the last joint before and of the new ones; a chain at the end stays there.
+        """
+        table, end = self.table, float(self.table.cells)
+        columns = [self._at[rows]]
+        inside = np.flatnonzero(self.going[rows])
+        live = rows[inside]
+        at, centre = self._at[live], self._centre[:, live]
+        reach, passed = self._reach[live], self._passed[live]
+        for _ in range(steps):
+            if not len(live):
+                break
+            # Pieces are about as long as the ones before them.
+            guess = at + np.minimum(np.maximum(passed, reach), 1.05 * reach)
+            found, centre = _first_crossing(table, at, guess, centre, reach * table.step)
+            passed, at = found - at, found
+            self.counts[live] += 1
+            column = columns[-1].copy()
+            column[inside] = found
+            # What is left over by less than a nanometre is no segment.
+            on = (end - found) * table.step > 1e-9
+            if not on.all():
+                column[inside[~on]] = end
+                self._at[live[~on]] = end
+                self.going[live[~on]] = False
+                live, inside, centre, at = live[on], inside[on], centre[:, on], at[on]
+                reach, passed = reach[on], passed[on]
+            columns.append(column)
+        self._at[live], self._centre[:, live], self._passed[live] = at, centre, passed
+        return np.stack(columns, axis=1)
 
 
 def _first_crossing(table: CurveTable, start: Array, guess: Array, centre: Array, radius: Array) -> tuple[Array, Array]:

@@ -33,6 +33,9 @@ from dlogen.types import FewerSegments, Joints, Segmentation, Skeleton
 #: The deviation that the searches aim at, as a share of e_max; the rest is for their rounding.
 _AIM = 1.0 - 1e-7
 
+#: Searches, each of which aims at a little less, until what is measured on the line itself is within e_max.
+_TRIES = 4
+
 #: The search takes ten seconds at a thousand segments; no simulator takes more.
 _MOST_SEARCHED = 2_000
 
@@ -101,9 +104,31 @@ def _smallest_radius(line: Skeleton) -> float:
 
 def _search(line: Skeleton, e_max: float, allowed: float, min_last: float, *, minimax: bool) -> list[Segmentation]:
     """By Eq. 17 (`allowed`); with the fewest segments, joints on the line; and, if wanted, joints off the line."""
-    aim = e_max * _AIM
     table = CurveTable(line)
-    found = []
+    found, aim = list[Segmentation](), e_max * _AIM
+    for _ in range(_TRIES):
+        found = _with_joints_on_curve(table, aim, allowed, min_last)
+        over = found[-1].deviation - e_max
+        if not over > 1e-9 * e_max:
+            break
+        # Of a line that is long beside e_max, the table is off by more than the share that is kept in reserve.
+        aim -= 2.0 * over
+    on_curve = found[-1]
+
+    if minimax:
+        off = minimax_joints(table, aim, on_curve.count)
+        joints = off.joints or on_curve.joints
+        n = len(joints.s) - 1
+        # Of chains with one segment less it may have found none with equal segments: nothing can be said of them.
+        least = off.tried.get(n - 1, math.inf)
+        fewer = FewerSegments(n - 1, least, None, None) if math.isfinite(least) else None
+        found.append(_measured(line, "fewest", "minimax", joints, fewer))
+    return found
+
+
+def _with_joints_on_curve(table: CurveTable, aim: float, allowed: float, min_last: float) -> list[Segmentation]:
+    """By Eq. 17 (`allowed`), unless it has no segments for this line; with the fewest segments within `aim`."""
+    line, found = table.line, list[Segmentation]()
     fewest = fewest_segments(table, aim, allowed, min_last)
     try:
         found.append(_measured(line, "paper", "on-curve", _on_curve(table, allowed)))
@@ -118,17 +143,7 @@ def _search(line: Skeleton, e_max: float, allowed: float, min_last: float, *, mi
         if fewest.fewer is not None:
             length, distance = fewest.fewer
             on_curve = replace(on_curve, fewer=FewerSegments(fewest.count - 1, distance, length, fewest.resolution))
-    found.append(on_curve)
-
-    if minimax:
-        off = minimax_joints(table, aim, on_curve.count)
-        joints = off.joints or on_curve.joints
-        n = len(joints.s) - 1
-        # Of chains with one segment less it may have found none with equal segments: nothing can be said of them.
-        least = off.tried.get(n - 1, math.inf)
-        fewer = FewerSegments(n - 1, least, None, None) if math.isfinite(least) else None
-        found.append(_measured(line, "fewest", "minimax", joints, fewer))
-    return found
+    return [*found, on_curve]
 
 
 def _on_curve(table: CurveTable, length: float) -> Joints:

@@ -1,4 +1,4 @@
-"""Groups of points that a line leaves out: tips and strays."""
+"""Groups of points that a line leaves out."""
 
 from __future__ import annotations
 
@@ -7,50 +7,61 @@ import pytest
 
 from dlogen.evaluation.centre_line import from_points
 from dlogen.evaluation.synthetic import sample_tube
-from dlogen.pipeline import fit
 from dlogen.stages.quality.left_over import check_left_over
-from dlogen.types import Skeleton
+from dlogen.stages.refined.ordering import order
+from dlogen.stages.refined.refine import refine
+from dlogen.types import Array, Skeleton
 
-Array = np.ndarray
 RADIUS = 0.01
 
 
-def tube(start: float, end: float, count: int, seed: int, side: tuple[float, float, float] | None = None) -> Array:
-    """Points on a straight tube along x, from one place to the other, metres."""
-    points = sample_tube(from_points([[start, 0, 0], [end, 0, 0]]), RADIUS, count, seed, side=side).points
-    return np.asarray(points)
+def tube(first: tuple[float, ...], last: tuple[float, ...], count: int) -> Array:
+    return sample_tube(from_points(np.linspace(first, last, 20)), RADIUS, count, 1).points
 
 
 @pytest.fixture(scope="module")
-def line() -> Skeleton:
-    """The skeleton line from 0 to 1 m along x."""
-    return fit(tube(0.0, 1.0, 4000, 1)).skeleton
+def rod() -> tuple[Array, Skeleton]:
+    points = tube((0.0, 0.0, 0.0), (0.8, 0.0, 0.0), 4000)
+    return points, refine(points, order(points).backbone, RADIUS).skeleton
 
 
-def found(line: Skeleton, *parts: Array) -> list[str]:
-    return [item.code for item in check_left_over(np.concatenate([tube(0.0, 1.0, 4000, 1), *parts]), line, RADIUS)]
+def test_nothing_is_left_over_of_what_the_line_follows(rod) -> None:
+    assert check_left_over(rod[0], rod[1], RADIUS) == []
 
 
-def test_a_tip_far_beyond_an_end_is_left_over(line: Skeleton) -> None:
-    assert found(line) == []
-    # As dense as the rest, and at a fifth of that as a strand is that runs along the view.
-    assert found(line, tube(1.2, 1.3, 400, 2)) == ["left-over"]
-    assert found(line, tube(1.2, 1.3, 120, 2)) == ["left-over"]
-    (finding,) = check_left_over(np.concatenate([tube(0.0, 1.0, 4000, 1), tube(1.2, 1.3, 120, 2)]), line, RADIUS)
-    assert finding.severity == "doubtful" and finding.position is not None
-    assert finding.position[0] == pytest.approx(1.25, abs=0.02)
+def test_a_tip_beyond_a_gap_is_named_with_its_place(rod) -> None:
+    tip = tube((0.95, 0.0, 0.0), (1.05, 0.0, 0.0), 500)
+    (found,) = check_left_over(np.concatenate([rod[0], tip]), rod[1], RADIUS)
+    assert (found.code, found.severity) == ("left-over", "doubtful")
+    assert found.position == pytest.approx((1.0, 0.0, 0.0), abs=0.01)
+    assert "11 % of the points" in found.message
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_tip_of_three_radii_is_one_if_it_is_as_dense_as_the_rest(line: Skeleton, seed: int) -> None:
-    assert found(line, tube(1.2, 1.23, 120, seed)) == ["left-over"]
-    # A few points together are none.
-    assert found(line, tube(1.2, 1.23, 20, seed)) == []
+def test_strays_and_specks_are_none(rod) -> None:
+    rng = np.random.default_rng(0)
+    strays = rng.uniform([-0.2, -0.3, -0.3], [1.0, 0.3, 0.3], (300, 3))
+    speck = rng.normal(0.0, 0.003, (40, 3)) + np.array([0.4, 0.1, 0.0])
+    assert check_left_over(np.concatenate([rod[0], strays, speck]), rod[1], RADIUS) == []
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_strays_are_none(line: Skeleton, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    assert found(line, rng.uniform([-0.1, -0.2, -0.2], [1.1, 0.2, 0.2], size=(800, 3))) == []
-    # Nor are those that lie thinly in a sheet beside the object.
-    assert found(line, rng.uniform([0.2, 0.05, -0.001], [0.8, 0.25, 0.001], size=(300, 3))) == []
+def test_noise_around_the_object_is_none(rod) -> None:
+    noisy = rod[0] + np.random.default_rng(1).normal(0.0, 0.012, rod[0].shape)
+    assert check_left_over(noisy, rod[1], RADIUS, scatter=0.012) == []
+
+
+@pytest.mark.parametrize("count", [500, 140])
+def test_a_tip_is_named_also_where_it_is_seen_along_its_length_and_has_few_points(rod, count: int) -> None:
+    tip = tube((0.95, 0.0, 0.0), (1.05, 0.0, 0.0), count)
+    (found,) = check_left_over(np.concatenate([rod[0], tip]), rod[1], RADIUS)
+    assert found.position == pytest.approx((1.0, 0.0, 0.0), abs=0.01)
+    # Points as far apart as strays are no strand.
+    sheet = np.random.default_rng(2).uniform([0.2, 0.05, -0.001], [0.8, 0.25, 0.001], (300, 3))
+    assert check_left_over(np.concatenate([rod[0], sheet]), rod[1], RADIUS) == []
+
+
+def test_a_short_piece_of_a_strand_is_named_if_it_is_as_dense_as_the_rest(rod) -> None:
+    tip = tube((0.95, 0.0, 0.0), (0.975, 0.0, 0.0), 400)
+    tip = tip[tip[:, 2] > 0.007]
+    (found,) = check_left_over(np.concatenate([rod[0], tip]), rod[1], RADIUS)
+    assert found.position == pytest.approx((0.9625, 0.0, 0.009), abs=0.003)
+    assert check_left_over(np.concatenate([rod[0], tip[::5]]), rod[1], RADIUS) == []

@@ -9,10 +9,12 @@ from dlogen.config.schema import Config
 from dlogen.errors import ConfigError, FitError
 from dlogen.evaluation.shapes import loop_centre_line
 from dlogen.evaluation.synthetic import SyntheticCloud, sample_tube
+from dlogen.geometry.polyline import arc_lengths, distance_to_polyline, resample
+from dlogen.geometry.vectors import unit
 from dlogen.stages.clock import Clock
 from dlogen.stages.prepare import prepare
 from dlogen.stages.refined.line import _PAPER_ONLY, refined_line
-from dlogen.types import Cloud, FittedLine
+from dlogen.types import Array, Cloud, FittedLine
 
 #: Strays far from the tube, after its points.
 STRAYS = 100
@@ -141,7 +143,7 @@ def test_a_failure_of_the_fit_is_explained_by_what_was_wrong_before(
         refined_line(cloud, Config(), Clock())
     assert caught.value.stage == "refine"
 
-    order = module.order
+    order = module.order_any
 
     def with_a_ring(*args: object) -> object:
         from dataclasses import replace
@@ -149,7 +151,7 @@ def test_a_failure_of_the_fit_is_explained_by_what_was_wrong_before(
         found = order(*args)
         return replace(found, findings=(*found.findings, CLOSED_RING.found("a ring has no ends", "bad")))
 
-    monkeypatch.setattr(module, "order", with_a_ring)
+    monkeypatch.setattr(module, "order_any", with_a_ring)
     with pytest.raises(FitError, match="no chain can be made of this cloud: a ring has no ends") as caught:
         refined_line(cloud, Config(), Clock())
     assert isinstance(caught.value.__cause__, FitError) and caught.value.__cause__.message == "the tube is lost"
@@ -160,3 +162,35 @@ def test_strands_that_touch_are_said_once() -> None:
     line = refined_line(prepare(Cloud(touching.points), "m").cloud, Config(), Clock())
     found = codes(line)
     assert len(set(found)) == len(found), found
+
+
+def meander(passes: int, width: float, gap: float) -> Array:
+    """A flat line that goes to and fro, as 2,000 vertices a metre, metres."""
+    turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 60)[1:-1]
+    corners = []
+    for k in range(passes):
+        way = 1 if k % 2 == 0 else -1
+        corners.append(np.stack([np.array([0.0, width])[::way], np.full(2, k * gap)], axis=1))
+        bend = [(width if way > 0 else 0.0) + way * 0.5 * gap * np.cos(turn), (k + 0.5 + 0.5 * np.sin(turn)) * gap]
+        corners.append(np.stack(bend, axis=1))
+    flat = np.concatenate(corners[:-1])
+    line = np.append(flat, np.zeros((len(flat), 1)), axis=1)
+    return resample(line, int(2000 * arc_lengths(line)[-1]))
+
+
+@pytest.mark.parametrize(("passes", "noise", "mean"), [(12, 0.0, 0.01e-3), (12, 2e-4, 0.05e-3), (30, 2e-4, 0.05e-3)])
+def test_a_long_line_bends_as_often_as_the_object_does(passes: int, noise: float, mean: float) -> None:
+    """Thousands of radii of cable, in bends of six radii: no number of knots or points may be fixed."""
+    axis, radius, rng = meander(passes, 0.5, 0.05), 0.004, np.random.default_rng(passes)
+    length = float(arc_lengths(axis)[-1])
+    count = int(25 * length / radius)
+    index, angle = rng.integers(0, len(axis), count), rng.uniform(0.0, 2.0 * np.pi, count)
+    tangent = unit(np.gradient(axis, axis=0))[index]
+    sideways = np.stack([-tangent[:, 1], tangent[:, 0], np.zeros(count)], axis=1)
+    points = axis[index] + radius * (np.sin(angle)[:, None] * sideways + np.cos(angle)[:, None] * [0.0, 0.0, 1.0])
+    prepared = prepare(Cloud(points + rng.normal(scale=max(noise, 1e-9), size=points.shape)), "m")
+    out = refined_line(prepared.cloud, Config(), Clock())
+    line = out.skeleton(np.linspace(0.0, 1.0, 10_000)) + prepared.centre
+    assert out.skeleton.length == pytest.approx(length, abs=2e-3)
+    assert distance_to_polyline(line, axis)[0].mean() < mean
+    assert out.radius == pytest.approx(radius, rel=2e-3)

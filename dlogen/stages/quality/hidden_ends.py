@@ -21,6 +21,9 @@ _LOOKED_AT = 20_000
 #: where half of the circumference is seen, and 0.3 where three quarters are.
 _ONE_SIDED = 0.4
 
+#: Weight of the view being across the line, to that of its lying in the planes of tangents and offsets.
+_ACROSS = 0.02
+
 #: Cosine of the angle to the view from which on a strand runs along it; an end is so many radii long there, and its
 #: density over the usual one is below the first number where hardly any of it shows, and below the other to be noted.
 _ALONG, _END, _HARDLY, _SPARSE = 0.85, 4.0, 0.3, 0.45
@@ -31,7 +34,7 @@ _ELSEWHERE, _NEARER, _BESIDE, _BEYOND, _BEHIND = 8.0, 0.8, 2.2, 1.5, 1.3
 
 #: Points in the outermost column or row of an image that cut off an end, how far they spread (in radii) and how far
 #: from the end they may be; relative tolerance of the column; and cosines of the angle between the end and the normal
-#: of the border from which on it leads out of the image, and from which on a square end may look the same.
+#: of the border from which on it leads out of the image, and beyond which a square end looks the same.
 _CUT, _SPREAD, _NEAR, _SAME_COLUMN, _OUT, _SQUARE = 6, 1.2, 4.0, 1e-5, 0.4, 0.97
 
 _BOUND = "it may go on there, and the length is a lower bound"
@@ -79,8 +82,8 @@ def ends_not_seen(
         ray = direction if viewpoint is None else unit(end.tip - viewpoint)
         reason = (
             _at_border(points, end, radius, viewpoint)
-            or _behind(end, ray, places[::-1] if at else places, radius)
             or _turned_away(end, ray, counts[::-1] if at else counts)
+            or _behind(end, ray, places[::-1] if at else places, radius)
         )
         if reason is not None:
             text, severity = reason
@@ -106,9 +109,13 @@ def _view(offset: Array, nearest: IntArray, tangents: Array, radius: float) -> A
     sums = np.stack([np.bincount(nearest, column, len(tangents)) for column in offset.T], axis=1)
     seen = count >= 3
     mean, tangent = sums[seen] / count[seen, None], tangents[seen]
-    across = np.eye(3) * len(mean) - tangent.T @ tangent
-    direction = -unit(np.linalg.solve(across + 1e-6 * len(mean) * np.eye(3), mean.sum(axis=0)))
+    # The view lies in the plane of tangent and offset of each stretch; where these planes are all the same one, it is
+    # taken to be across the line.
+    out_of_plane = np.cross(tangent, unit(mean))
+    direction = np.linalg.eigh(out_of_plane.T @ out_of_plane + _ACROSS * tangent.T @ tangent)[1][:, 0]
     expected = direction - (tangent @ direction)[:, None] * tangent
+    if dots(mean, expected).sum() > 0.0:
+        direction, expected = -direction, -expected
     weight = np.linalg.norm(expected, axis=1)
     towards = -dots(mean, expected).sum() / max(float(weight.sum()), 1e-9)
     return direction if towards > _ONE_SIDED * radius else None
@@ -166,7 +173,7 @@ def _at_border(points: Array, end: _End, radius: float, viewpoint: Array | None)
             apart = np.linalg.norm(outermost - tip, axis=1).max()
             spread = float(np.ptp(np.delete(outermost, axis, axis=1)[:, 1 - column]))
             out = abs(float(leads[column]))
-            if len(outermost) >= _CUT and apart < _NEAR * radius and spread > _SPREAD * radius and out > _OUT:
-                severity: Severity = "note" if out > _SQUARE else "doubtful"
-                return "is cut off by the outermost pixels, as by the border of the image", severity
+            wide = len(outermost) >= _CUT and apart < _NEAR * radius and spread > _SPREAD * radius
+            if wide and _OUT < out < _SQUARE:
+                return "is cut off by the outermost pixels, as by the border of the image", "doubtful"
     return None

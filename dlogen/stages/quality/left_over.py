@@ -27,9 +27,9 @@ _LONG, _DENSE = 4.0, 0.3
 #: its spread across its length is below so many radii.
 _SPACED, _THIN = 2.0, 1.0
 
-#: A short piece of it is something if it is so many radii long, so many times as long as wide, and has so many points,
-#: no wider apart than that.
-_SHORT, _SLENDER, _SHORT_POINTS, _SHORT_SPACED = 2.0, 1.5, 25, 1.3
+#: A short piece of it is something if it is so many radii long, so many times as long as wide, has so many points and
+#: such a share of all, no wider apart than that: flying pixels and specks are fewer.
+_SHORT, _SLENDER, _SHORT_POINTS, _SHORT_SHARE, _SHORT_SPACED = 2.0, 1.5, 25, 0.015, 1.3
 
 
 def check_left_over(points: Array, line: Skeleton, radius: float, scatter: float = 0.0) -> list[Finding]:
@@ -73,4 +73,5 @@ def _is_strand(group: Array, extent: float, line: Array, radius: float) -> bool:
     if extent >= _LONG * radius:
         return among < _SPACED * usual
     slender = extent >= _SHORT * radius and length > _SLENDER * spread
-    return bool(slender) and len(group) >= _SHORT_POINTS and among < _SHORT_SPACED * usual
+    enough = len(group) >= max(_SHORT_POINTS, _SHORT_SHARE * (len(group) + len(line)))
+    return bool(slender) and enough and among < _SHORT_SPACED * usual

@@ -18,8 +18,8 @@ _TIGHTEST_BEND = 1.0
 #: between pieces of so many radii at least, for shorter ones may be strays.
 _LONGEST_GAP, _NO_STRAYS = 0.15, 4.0
 
-#: How many ways to join the same pieces are tried when the length is known.
-_WAYS = 20
+#: How many ways to join the same pieces are tried when the length is known, and how much more they may cost.
+_WAYS, _LIKELY = 20, 0.5
 
 #: Nor is one longer than this, in radii, whose bridge would turn by more than this, in radians.
 _BLIND = 8.0
@@ -79,8 +79,9 @@ def ways_to_join(pieces: list[Piece], radius: float, bridging: Bridging) -> Iter
     all_gaps = _cheapest(pieces, radius, cost)
     yield _as_joins(pieces, all_gaps, cost)
     others = [way for start in (chosen, all_gaps) for n in range(len(start)) for way in _alternatives(start, n, cost)]
-    for _, way in sorted(others, key=lambda option: option[0])[:_WAYS]:
-        yield _as_joins(pieces, way, cost)
+    for more, way in sorted(others, key=lambda option: option[0])[:_WAYS]:
+        if more < _LIKELY:
+            yield _as_joins(pieces, way, cost)
 
 
 def _costs(pieces: list[Piece], radius: float, bridging: Bridging) -> Array:

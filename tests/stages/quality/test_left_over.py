@@ -60,7 +60,7 @@ def test_a_tip_is_named_also_where_it_is_seen_along_its_length_and_has_few_point
 
 
 def test_a_short_piece_of_a_strand_is_named_if_it_is_as_dense_as_the_rest(rod) -> None:
-    tip = tube((0.95, 0.0, 0.0), (0.975, 0.0, 0.0), 400)
+    tip = tube((0.95, 0.0, 0.0), (0.975, 0.0, 0.0), 500)
     tip = tip[tip[:, 2] > 0.007]
     (found,) = check_left_over(np.concatenate([rod[0], tip]), rod[1], RADIUS)
     assert found.position == pytest.approx((0.9625, 0.0, 0.009), abs=0.003)

@@ -48,6 +48,13 @@ from dlogen.errors import ConfigError
         ("profile: 1", "profile = 1: expected one of refined, paper", "refined: as good"),
         ("units: meters", "units = 'meters': expected one of m, mm, cm, auto", "numbers in the cloud"),
         ("units: no", "units = 'no': expected one of m, mm, cm, auto", "numbers in the cloud"),
+        (
+            "bridge: everything",
+            "bridge = 'everything': expected a number > 0 (m), all (every gap), or auto",
+            "Gaps up to",
+        ),
+        ("bridge: 0", "bridge = 0: expected a number > 0 (m), all (every gap), or auto", "Gaps up to"),
+        ("bridge: 20 mm", "bridge = '20 mm': expected", "lengths are metres, without a unit: 0.02"),
         ("normals: 5", "normals = 5: expected a section", "its keys: neighbours, radius, orientation"),
         ("normals: [neighbours]", "normals = a list: expected a section", "its keys"),
         ("normals: {neighbours: 2}", "normals.neighbours = 2: expected a whole number >= 3", "nearest points"),
@@ -103,3 +110,12 @@ def test_numbers_beyond_floats(value):
 
 def test_010_is_ten(write):
     assert load_config(write("N: 010\n")).N == 10
+
+
+def test_a_word_in_place_of_a_length(write):
+    assert load_config(write("bridge: all\n")).bridge == "all"
+    assert load_config(write("bridge: auto\n")).bridge == "auto"
+    bridge = load_config(write("bridge: 1\n")).bridge
+    assert bridge == 1.0 and isinstance(bridge, float)
+    # Where words are not declared, they are none.
+    assert "expected a number > 0 (m), or auto" in refused(write("length: all\n")).message

@@ -39,7 +39,7 @@ def test_empty_files_and_sections_are_default(write, content):
 def test_file_with_everything(write):
     path = write(
         "profile: paper\nunits: mm\nr: 0.02\nr_n: 0.16\nN: 21\nbeta: 1e-2\ne_max: 1.0e-2\nseed: 7\n"
-        "length: 1.5\nmesh: sample\n"
+        "length: 1.5\nbridge: all\nmesh: sample\n"
         "normals: {neighbours: 12, orientation: outward}\nprojection:\n  enabled: false\nsorting: {start: 4}\n"
         "skeleton: {tau: 5.25}\nsegmentation: {criterion: fewest, placement: minimax, min_last: 0}\n"
         "mdtw: {samples: 500}\n"
@@ -57,6 +57,7 @@ def test_file_with_everything(write):
         "beta": 0.01,
         "e_max": 0.01,
         "length": 1.5,
+        "bridge": "all",
         "mesh": "sample",
         "seed": 7,
         "normals": {"neighbours": 12, "radius": "auto", "orientation": "outward"},

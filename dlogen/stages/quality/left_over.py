@@ -24,8 +24,8 @@ _AWAY, _TOGETHER = 3.0, 1.5
 _LONG, _DENSE = 4.0, 0.3
 
 #: A strand that is seen along its length shows fewer points, but no wider apart than so many times those of the line;
-#: its spread across its length is below so many radii.
-_SPACED, _THIN = 2.0, 1.0
+#: its spread across its length is below so many radii, and it has such a share of all points at least.
+_SPACED, _THIN, _SHARE = 2.0, 1.0, 0.005
 
 #: A short piece of it is something if it is so many radii long, so many times as long as wide, has so many points and
 #: such a share of all, no wider apart than that: flying pixels and specks are fewer.
@@ -71,7 +71,7 @@ def _is_strand(group: Array, extent: float, line: Array, radius: float) -> bool:
         return False
     among, usual = (float(np.median(cKDTree(points).query(points, 4)[0][:, -1])) for points in (group, line))
     if extent >= _LONG * radius:
-        return among < _SPACED * usual
+        return among < _SPACED * usual and len(group) >= _SHARE * (len(group) + len(line))
     slender = extent >= _SHORT * radius and length > _SLENDER * spread
     enough = len(group) >= max(_SHORT_POINTS, _SHORT_SHARE * (len(group) + len(line)))
     return bool(slender) and enough and among < _SHORT_SPACED * usual

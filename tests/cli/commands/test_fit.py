@@ -256,3 +256,17 @@ def test_a_known_length(cloud: Path, tmp_path: Path) -> None:
     wrong = run(cloud, "-o", tmp_path, "--force", "--set", "length=1", "--length", 1.1 * LINE.length)
     assert wrong.exit_code == 0 and "shorter than the known length of 5.3" in wrong.stderr
     assert run(cloud, "-o", tmp_path, "--force", "--length", -1).exit_code == 2
+
+
+def test_gaps_that_are_to_be_bridged(tmp_path: Path) -> None:
+    path = tmp_path / "pieces.ply"
+    write_cloud(path, sample_tube(LINE, 0.02, 5000, 3, gaps=[(0.3, 0.5)]).points)
+    alone = run(path, "-o", tmp_path, "--json")
+    assert json.loads(alone.stdout)["quality"]["verdict"] == "bad"
+    for given in ("all", "1"):
+        whole = run(path, "-o", tmp_path, "--force", "--json", "--bridge", given)
+        quality = json.loads(whole.stdout)["quality"]
+        assert quality["verdict"] == "good" and [item["code"] for item in quality["findings"]] == ["gap"]
+        assert json.loads((tmp_path / "pieces.json").read_text())["length"] == pytest.approx(LINE.length, rel=0.02)
+    refused = run(path, "-o", tmp_path, "--force", "--bridge", "some")
+    assert refused.exit_code == 2 and "bridge = 'some'" in refused.stderr

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dlogen.stages.refined.joins import Join, bending_cost, bridge, chains, join_pieces
+from dlogen.stages.refined.bridging import Bridging
+from dlogen.stages.refined.joins import Join, bending_cost, bridge, chains, join_pieces, ways_to_join
 from dlogen.stages.refined.piece import Piece
 
 Array = np.ndarray
@@ -177,3 +178,41 @@ class TestBridge:
     def test_nothing_lies_between_ends_that_are_a_step_apart(self) -> None:
         x = np.array([1.0, 0, 0])
         assert bridge(0 * x, x, 0.012 * x, -x, RADIUS).shape == (0, 3)
+
+
+class TestAskedFor:
+    pieces = (straight([0, 0, 0], [0.3, 0, 0]), straight([0.45, 0, 0], [0.6, 0, 0]))
+
+    def test_a_gap_up_to_the_length_that_was_given_is_joined(self) -> None:
+        assert join_pieces(list(self.pieces), RADIUS, Bridging(0.1)) == []
+        for bridging in (Bridging(0.15), Bridging(np.inf)):
+            (join,) = join_pieces(list(self.pieces), RADIUS, bridging)
+            assert set(join.ends) == {1, 2} and join.gap == pytest.approx(0.15)
+
+    def test_strays_are_not(self) -> None:
+        speck = straight([0.45, 0, 0], [0.48, 0, 0])
+        assert join_pieces([self.pieces[0], speck], RADIUS, Bridging(np.inf)) == []
+
+    def test_it_may_turn_there_however_far(self) -> None:
+        x, y = np.eye(3)[:2]
+        assert bending_cost(0 * x, x, 30 * RADIUS * y, x, RADIUS) == np.inf
+        assert np.isfinite(bending_cost(0 * x, x, 30 * RADIUS * y, x, RADIUS, asked=True))
+
+    def test_bends_tighter_than_the_tube_are_none_even_then(self) -> None:
+        x, y = np.eye(3)[:2]
+        assert bending_cost(0 * x, x, 2 * RADIUS * y, x, RADIUS, asked=True) == np.inf
+
+
+def test_ways_to_join_begin_with_the_cheapest_and_go_on_to_all_gaps_and_exchanges() -> None:
+    far = [straight([0, 0, 0], [0.3, 0, 0]), straight([0.45, 0, 0], [0.6, 0, 0])]
+    first, second, *_ = ways_to_join(far, RADIUS, Bridging())
+    assert first == [] and names(second) == {frozenset({1, 2})}
+    # Two strands cross at a small angle, so that they could also touch and part.
+    ends = ((1.0, 0.5), (-1.0, -0.5), (1.0, -0.5), (-1.0, 0.5))
+    crossing = [straight([0.03 * a, 0.03 * b, 0], [0.3 * a, 0.3 * b, 0]) for a, b in ends]
+    ways = [names(way) for way in ways_to_join(crossing, RADIUS, Bridging())]
+    assert ways[0] == names(join_pieces(crossing, RADIUS)) == {frozenset({0, 2}), frozenset({4, 6})}
+    assert {frozenset({0, 6}), frozenset({2, 4})} in ways
+    # At right angles that is too unlikely, whatever the length.
+    square = [straight([0.03 * a, 0.03 * b, 0], [0.3 * a, 0.3 * b, 0]) for a, b in ((1, 1), (-1, -1), (1, -1), (-1, 1))]
+    assert not any(frozenset({0, 6}) in names(way) for way in ways_to_join(square, RADIUS, Bridging()))

@@ -24,7 +24,7 @@ from dlogen.stages.mesh import surface_points, with_vertex_radius
 from dlogen.stages.output_frame import in_frame, output_frame
 from dlogen.stages.prepare import Prepared, check_left_out, check_points, prepare, without_far_points
 from dlogen.stages.quality.checks import check_deviation, check_line, explained
-from dlogen.stages.quality.coordinates import Steps, check_steps, coordinate_steps
+from dlogen.stages.quality.coordinates import Steps, check_steps, coordinate_steps, without_those_of_the_grid
 from dlogen.stages.quality.findings import UNITS
 from dlogen.stages.quality.known_length import check_length
 from dlogen.stages.quality.residual import tube_residual
@@ -86,7 +86,7 @@ def fit(
     with clock.stage("checks"):
         findings = (
             *check_length(line.skeleton.length, given(config.length)),
-            *line.findings,
+            *without_those_of_the_grid(line.findings, steps, prepared.scale, line.radius),
             *said,
             *check_steps(steps, prepared.scale, line.radius),
             *check_left_out(far),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from dlogen.stages.mesh import surface_points, with_vertex_radius
 from dlogen.stages.output_frame import in_frame, output_frame
 from dlogen.stages.prepare import Prepared, check_left_out, check_points, prepare, without_far_points
 from dlogen.stages.quality.checks import check_deviation, check_line, explained
-from dlogen.stages.quality.coordinates import Steps, check_steps, coordinate_steps
+from dlogen.stages.quality.coordinates import Steps, check_steps, coordinate_steps, without_those_of_the_grid
 from dlogen.stages.quality.findings import UNITS
 from dlogen.stages.quality.known_length import check_length
 from dlogen.stages.quality.residual import tube_residual
@@ -71,12 +71,8 @@ def fit(
     cloud = cloud if isinstance(cloud, Cloud) else clean(cloud)
     clock = Clock()
     with clock.stage("input"):
-        used, said = surface_points(cloud, config.mesh)
-        prepared, frame, steps, far = _prepared(used, config)
-    with steps.blamed(prepared.scale):
-        line = _skeleton_line(prepared.cloud, config, clock)  # III.B, III.C
-    if used.mesh is not None and config.r == AUTO:
-        line = with_vertex_radius(line, used.mesh.vertices * prepared.scale - prepared.centre)
+        data = _input(cloud, config)
+    line = _skeleton_line(data, config, clock)  # III.B, III.C
     with clock.stage("segmentation"):
         spec, e_max = SegmentationSpec.of(config), allowed_deviation(config, line.radius)
         segmentation = _segmented(line, e_max, spec)  # III.D, III.E
@@ -84,30 +80,37 @@ def fit(
     with clock.stage("mdtw"):
         error = chain_error(line.skeleton, chain, config.mdtw.samples)  # IV.A
     with clock.stage("checks"):
-        findings = (
-            *check_length(line.skeleton.length, given(config.length)),
-            *line.findings,
-            *said,
-            *check_steps(steps, prepared.scale, line.radius),
-            *check_left_out(far),
-            *_checked(line, segmentation, e_max),
-        )
-        asked = check_units(
-            line.skeleton.length, line.radius, config.units, prepared.units, radius_given=config.r != AUTO
-        )
-        # Those that name the units that would fit come in place of those that only ask for them.
-        known = max((item.gravity for item in asked), default=-1)
-        findings = (*asked, *(item for item in findings if not UNITS.matches(item) or item.gravity > known))
-    chosen = {**line.chosen, "units": prepared.units, "e_max": e_max, "segmentation.criterion": spec.criterion}
+        findings = _checked(data, line, segmentation, e_max, config)
+    chosen = {**line.chosen, "units": data.prepared.units, "e_max": e_max, "segmentation.criterion": spec.criterion}
     resolved = config.resolved(chosen)
-    provenance = _provenance(cloud, len(prepared.cloud), resolved)
+    provenance = _provenance(cloud, len(data.prepared.cloud), resolved)
     result = _result(name or _stem(cloud), line, segmentation, chain, error, findings, resolved, provenance, clock)
-    return in_frame(result, frame, prepared.centre)
+    return in_frame(result, data.frame, data.prepared.centre)
 
 
-def _prepared(cloud: Cloud, config: Config) -> tuple[Prepared, Frame, Steps, int]:
-    """The cloud as the stages take it, the output's frame, the steps of coordinates, how many points are no data."""
-    near, far = without_far_points(cloud)
+@dataclass(frozen=True, eq=False)
+class _Input:
+    """A cloud as the stages take it, and what is known of it.
+
+    Attributes:
+        prepared: near the origin, in metres.
+        frame: of the output.
+        steps: in which the coordinates are stored.
+        vertices: (V, 3) of the mesh whose faces the points are spread over, as prepared; None for other clouds.
+        findings: about the input.
+    """
+
+    prepared: Prepared
+    frame: Frame
+    steps: Steps
+    vertices: Array | None
+    findings: tuple[Finding, ...]
+
+
+def _input(cloud: Cloud, config: Config) -> _Input:
+    """Refuse what no chain can be made of, and prepare the rest."""
+    used, said = surface_points(cloud, config.mesh)
+    near, far = without_far_points(used)
     # Points in the sensor's own frame are seen from its origin.
     at_origin = config.frame.use_viewpoint or (near.viewpoint is None and camera_at_origin(near.points))
     seen = replace(near, viewpoint=np.zeros(3)) if at_origin else near
@@ -115,7 +118,9 @@ def _prepared(cloud: Cloud, config: Config) -> tuple[Prepared, Frame, Steps, int
     steps = coordinate_steps(near.points)
     steps.check(near.points, prepared.scale)
     check_points(near.points, surface=config.projection.enabled and not _are_flat_nodes(near.points, config))
-    return prepared, output_frame(config.frame, cloud, prepared.scale), steps, far
+    vertices = None if used.mesh is None else used.mesh.vertices * prepared.scale - prepared.centre
+    frame = output_frame(config.frame, used, prepared.scale)
+    return _Input(prepared, frame, steps, vertices, (*said, *check_left_out(far)))
 
 
 def _are_flat_nodes(points: Array, config: Config) -> bool:
@@ -127,15 +132,19 @@ def _are_flat_nodes(points: Array, config: Config) -> bool:
     return flat_nodes(points)
 
 
-def _skeleton_line(cloud: Cloud, config: Config, clock: Clock) -> FittedLine:
+def _skeleton_line(data: _Input, config: Config, clock: Clock) -> FittedLine:
     """The skeleton line by the stages of the profile; those of the other one are not imported."""
-    if config.profile == "paper":
-        from dlogen.stages.paper.line import paper_line
+    cloud = data.prepared.cloud
+    with data.steps.blamed(data.prepared.scale):
+        if config.profile == "paper":
+            from dlogen.stages.paper.line import paper_line
 
-        return paper_line(cloud, config, clock)
-    from dlogen.stages.refined.line import refined_line
+            line = paper_line(cloud, config, clock)
+        else:
+            from dlogen.stages.refined.line import refined_line
 
-    return refined_line(cloud, config, clock)
+            line = refined_line(cloud, config, clock)
+    return line if data.vertices is None or config.r != AUTO else with_vertex_radius(line, data.vertices)
 
 
 def _segmented(line: FittedLine, e_max: float, spec: SegmentationSpec) -> Segmentation:
@@ -146,13 +155,24 @@ def _segmented(line: FittedLine, e_max: float, spec: SegmentationSpec) -> Segmen
         raise explained(reason, line.findings) from reason
 
 
-def _checked(line: FittedLine, segmentation: Segmentation, e_max: float) -> list[Finding]:
-    """Findings about line and chain, whatever profile made them."""
-    bend = max_curvature(line.skeleton)
-    return [
-        *check_line(line.skeleton, line.radius, line.distance, line.on_tube, bend, surface=line.regime == "surface"),
-        *check_deviation(line.skeleton, segmentation, e_max),
-    ]
+def _checked(
+    data: _Input, line: FittedLine, segmentation: Segmentation, e_max: float, config: Config
+) -> tuple[Finding, ...]:
+    """Findings about the input, the line and the chain, whatever profile made them."""
+    skeleton, radius, scale = line.skeleton, line.radius, data.prepared.scale
+    bend = max_curvature(skeleton)
+    findings = (
+        *check_length(skeleton.length, given(config.length)),
+        *without_those_of_the_grid(line.findings, data.steps, scale, radius),
+        *check_steps(data.steps, scale, radius),
+        *data.findings,
+        *check_line(skeleton, radius, line.distance, line.on_tube, bend, surface=line.regime == "surface"),
+        *check_deviation(skeleton, segmentation, e_max),
+    )
+    asked = check_units(skeleton.length, radius, config.units, data.prepared.units, radius_given=config.r != AUTO)
+    # Those that name the units that would fit come in place of those that only ask for them.
+    known = max((item.gravity for item in asked), default=-1)
+    return (*asked, *(item for item in findings if not UNITS.matches(item) or item.gravity > known))
 
 
 def _result(

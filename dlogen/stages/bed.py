@@ -25,6 +25,12 @@ _WITHIN, _BEYOND = 4.0, 4.5
 #: Heights over that of the object up to which nothing lies above the bed, and the share of its points that is nothing.
 _EMPTY, _NOTHING = 0.35, 0.02
 
+#: A bed scatters by less than this share of the object's height, or by no more than so many times its patches do.
+_FLAT, _AS_NOISY = 0.02, 2.0
+
+#: Points of a patch, and patches that are looked at.
+_PATCH, _PATCHES = 12, 200
+
 #: Share of all points that may be below the bed: strays.
 _BELOW = 0.01
 
@@ -77,6 +83,9 @@ def _plane_below(sample: Array, up: Array) -> tuple[Array, Array, float] | None:
     if own.mean() < _LEAST or above.mean() < _LEAST or np.mean(height < -_BEYOND * spread) > _BELOW:
         return None
     tall = float(np.quantile(height[above], 0.95))
+    # The lower side of a round or winding object is no plane: what it scatters by is not the noise of its points.
+    if spread > _FLAT * tall and spread > _AS_NOISY * _thickness(sample[own]):
+        return None
     empty = _EMPTY * tall
     if empty < _BEYOND * spread:
         return None
@@ -89,3 +98,11 @@ def _plane_below(sample: Array, up: Array) -> tuple[Array, Array, float] | None:
     if beside.mean() < _BED_SHARE or along.mean() < _OBJECT_SHARE:
         return None
     return at, up, spread
+
+
+def _thickness(points: Array) -> float:
+    """Median standard deviation of small patches of points across themselves, metres."""
+    near = cKDTree(points).query(points[:: -(-len(points) // _PATCHES)], min(_PATCH, len(points)))[1]
+    patches = points[near] - points[near].mean(axis=1, keepdims=True)
+    values = np.linalg.eigvalsh(np.einsum("pki,pkj->pij", patches, patches) / near.shape[1])
+    return float(np.sqrt(np.maximum(np.median(values[:, 0]), 0.0)))

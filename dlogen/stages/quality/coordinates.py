@@ -7,14 +7,14 @@ voxels mark cells that the surface touches anywhere, so that a tube seems thicke
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from dlogen.errors import FitError
 from dlogen.geometry.sampling import spatial_sample
-from dlogen.stages.quality.findings import COARSE_GRID, FEW_DIGITS
+from dlogen.stages.quality.findings import COARSE_GRID, FEW_DIGITS, NOT_ROUND
 from dlogen.types import Array, BoolArray, Finding
 from dlogen.types.texts import millimetres
 
@@ -137,6 +137,17 @@ def _step(values: Array, extent: float) -> float:
     step = float(np.median(apart / multiples))
     whole = np.abs(apart / step - np.round(apart / step)) < _WHOLE
     return step if whole.mean() >= _NEARLY_ALL else 0.0
+
+
+def without_those_of_the_grid(findings: Iterable[Finding], steps: Steps, scale: float, radius: float) -> list[Finding]:
+    """Findings without those that a grid of points makes: cross-sections on one are not round, whatever the object is.
+
+    Args:
+        findings: about the line.
+        steps, scale, radius: as in `check_steps`.
+    """
+    coarse = steps.is_grid and scale * steps.largest > _NOTED * radius
+    return [item for item in findings if not (coarse and NOT_ROUND.matches(item))]
 
 
 def check_steps(steps: Steps, scale: float, radius: float) -> list[Finding]:

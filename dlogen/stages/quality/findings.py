@@ -213,9 +213,9 @@ NOT_ROUND = _kind(
 END_CUT_OFF = _kind(
     "end-cut-off",
     ("note", "doubtful"),
-    "An end is not square, as where the view or a crop cuts through an object: it may go on there. It is a note where "
-    "one side was seen less far than the other, whose edge is square.",
-    "Nothing if it is a note. Otherwise capture all of the object, or crop it squarely where the chain is to end.",
+    "An end is not square, as where the view or a crop cuts through an object: it may go on there.",
+    "Nothing if it is a note, as where one side was seen less far than the other, whose edge is square. Otherwise "
+    "capture all of the object, or crop it squarely where the chain is to end.",
 )
 END_NOT_SEEN = _kind(
     "end-not-seen",
@@ -274,24 +274,21 @@ NOISE = _kind(
 UNEVEN_SURFACE = _kind(
     "uneven-surface",
     ("note",),
-    "Neighbouring points are off the tube by the same: the surface has a pattern, or the sensor smooths its noise. The "
-    "points are worth fewer then, and the line is smoothed accordingly.",
+    "Neighbouring points are off the tube by the same: the surface has a pattern, or the sensor smooths its noise.",
     "Nothing, if the object is wound, braided or corrugated, but its radius is then one between the least and the "
     "largest. Of a coiled cord the model is that of the whole cord, not of its wire.",
 )
 STRAND = _kind(
     "strand",
     ("note",),
-    "The depth of the points scatters by about as much as the object is thick, so that only its width shows: the axis "
-    "was fitted to the middle of the strip and put behind it.",
-    "Nothing. A radius that is given makes the model better.",
+    "The depth scatters by about as much as the object is thick, so that only its width shows.",
+    "Nothing: the axis was fitted to the middle of the strip and put behind it. A radius that is given makes the model better.",
 )
 SIDE_UNKNOWN = _kind(
     "side-unknown",
     ("doubtful",),
-    "The object was seen from one side, and nothing tells which: the line stays in the surface that was seen, up to a "
-    "radius from the axis.",
-    "Keep the sensor's position in the file (VIEWPOINT of PCD), or give the cloud in the frame of the camera.",
+    "The object was seen from one side, and nothing tells which: the line stays in the surface that was seen.",
+    "The axis is up to a radius away. Keep the sensor's position in the file (VIEWPOINT of PCD), or give the cloud in the frame of the camera.",
 )
 POSITION_UNCERTAIN = _kind(
     "position-uncertain",
@@ -318,9 +315,8 @@ RADIUS_MISMATCH = _kind(
 RADIUS_VARIES = _kind(
     "radius-varies",
     ("note", "doubtful"),
-    "The object is clearly thicker or thinner in places; the model has one radius. It is a note where that is told "
-    "from the rest: plugs at the ends, connectors along it, a corrugated hose.",
-    "Nothing if it is a note. Otherwise take connectors, clips and tape out of the cloud, or give r to say which "
+    "The object is clearly thicker or thinner in places; the model has one radius.",
+    "Nothing if it is a note: plugs at the ends, connectors along it, a corrugated hose. Otherwise take connectors, clips and tape out of the cloud, or give r to say which "
     "radius the model is to have.",
 )
 BEND_TIGHTER_THAN_RADIUS = _kind(

@@ -30,6 +30,9 @@ _TIGHT = 0.6
 #: Wiggles of the tube about the strip, in radii: where neighbours share their noise, and at all.
 _WIGGLES, _APART = 0.1, 0.3
 
+#: Share of the points that a strip may miss and the tube has.
+_MISSED = 0.1
+
 #: How many points share their noise, for the former; and the relative difference of the two lengths.
 _SHARED, _LONGER = 5.0, 0.015
 
@@ -58,6 +61,8 @@ def shows_surface(fit: Refined, strip: StrandFit) -> bool:
     """
     if fit.noise > _HIDDEN * fit.radius or fit.max_curvature * fit.radius > _TIGHT:
         return False
+    if strip.inliers.mean() < fit.inliers.mean() - _MISSED:
+        return True
     places = max(_PLACES, int(_PER_RADIUS * fit.skeleton.length / fit.radius))
     apart = wiggles(fit.skeleton, strip.skeleton, places) / fit.radius
     if fit.shared > _SHARED and apart > _WIGGLES:

@@ -17,7 +17,7 @@ def shared(line: Array, points: Array) -> BoolArray:
     curve = from_polyline(line, RADIUS, 0.0, 1e-3)
     columns = np.ascontiguousarray(points.T)
     x, _, _, offset = foot_points(curve, columns, nearest(curve, columns, 0.5 * RADIUS), 3)
-    return shared_at_ends(columns, Tube(curve, RADIUS, 1e-4, x, np.linalg.norm(offset, axis=0)))
+    return shared_at_ends(columns, Tube(curve, RADIUS, 5e-4, x, np.linalg.norm(offset, axis=0)))
 
 
 def test_only_the_end_that_touches_another_strand_shares_points_with_it() -> None:
@@ -27,7 +27,7 @@ def test_only_the_end_that_touches_another_strand_shares_points_with_it() -> Non
     back = np.stack([np.linspace(0.4, 0.2, 41)[1:], np.linspace(0.12, 0.02, 41)[1:], np.zeros(40)], axis=1)
     line = np.concatenate([straight, turn, back])
     tip = line[-1]
-    between = tip - np.array([0.0, 0.98 * RADIUS, 0.0])  # touches the straight strand
+    between = tip - np.array([0.0, 0.85 * RADIUS, 0.0])  # touches the straight strand
     far_side = tip + np.array([0.0, RADIUS, 0.0])
     other_end = np.array([0.002, RADIUS, 0.0])
     assert shared(line, np.stack([between, far_side, other_end])).tolist() == [True, False, False]

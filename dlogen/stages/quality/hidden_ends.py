@@ -11,7 +11,7 @@ from dlogen.geometry.arc_length import even_parameters
 from dlogen.geometry.sampling import spatial_sample
 from dlogen.geometry.vectors import dots, unit
 from dlogen.stages.quality.findings import END_NOT_SEEN
-from dlogen.types import Array, BoolArray, Finding, IntArray, Severity, Skeleton
+from dlogen.types import Array, BoolArray, Finding, IntArray, Skeleton
 from dlogen.types.texts import millimetres
 
 #: Points that are looked at.
@@ -50,6 +50,14 @@ class _End:
     outward: Array
 
 
+@dataclass(frozen=True)
+class _Reason:
+    """Why an end may not be that of the object, and whether a good deal may be missing."""
+
+    text: str
+    grave: bool = True
+
+
 def ends_not_seen(
     points: Array, on_tube: BoolArray, line: Skeleton, radius: float, viewpoint: Array | None
 ) -> list[Finding]:
@@ -86,8 +94,8 @@ def ends_not_seen(
             or _behind(end, ray, places[::-1] if at else places, radius)
         )
         if reason is not None:
-            text, severity = reason
-            findings.append(END_NOT_SEEN.at(line, at, f"the {name} end {text}: {_BOUND}", severity))
+            message = f"the {name} end {reason.text}: {_BOUND}"
+            findings.append(END_NOT_SEEN.at(line, at, message, "doubtful" if reason.grave else "note"))
     return findings
 
 
@@ -121,7 +129,7 @@ def _view(offset: Array, nearest: IntArray, tangents: Array, radius: float) -> A
     return direction if towards > _ONE_SIDED * radius else None
 
 
-def _turned_away(end: _End, ray: Array, counts: IntArray) -> tuple[str, Severity] | None:
+def _turned_away(end: _End, ray: Array, counts: IntArray) -> _Reason | None:
     """Whether an end runs along the view; `counts`: points at places a radius apart, from this end on."""
     if abs(float(end.outward @ ray)) < _ALONG:
         return None
@@ -129,11 +137,11 @@ def _turned_away(end: _End, ray: Array, counts: IntArray) -> tuple[str, Severity
     density = float(counts[: round(_END)].mean()) / usual
     if density > _SPARSE:
         return None
-    severity: Severity = "doubtful" if density < _HARDLY else "note"
-    return f"runs along the view, so that only {100.0 * density:.0f} % of the usual points show it", severity
+    text = f"runs along the view, so that only {100.0 * density:.0f} % of the usual points show it"
+    return _Reason(text, density < _HARDLY)
 
 
-def _behind(end: _End, ray: Array, places: Array, radius: float) -> tuple[str, Severity] | None:
+def _behind(end: _End, ray: Array, places: Array, radius: float) -> _Reason | None:
     """Whether what would follow beyond an end is behind another strand; `places`: (K, 3) from this end on."""
     others = places[round(_ELSEWHERE) :] - end.tip
     others = others[others @ ray < -_NEARER * radius]
@@ -150,10 +158,10 @@ def _behind(end: _End, ray: Array, places: Array, radius: float) -> tuple[str, S
     if near.min() > _BESIDE * radius or beyond.min() > _BEHIND * radius:
         return None
     nearer = -float(others[int(np.argmin(beyond))] @ ray)
-    return f"is behind another strand, {millimetres(nearer)} nearer to the viewer", "doubtful"
+    return _Reason(f"is behind another strand, {millimetres(nearer)} nearer to the viewer")
 
 
-def _at_border(points: Array, end: _End, radius: float, viewpoint: Array | None) -> tuple[str, Severity] | None:
+def _at_border(points: Array, end: _End, radius: float, viewpoint: Array | None) -> _Reason | None:
     """Whether an end is cut off by the outermost column or row of the image of a pinhole camera."""
     if viewpoint is None:
         return None
@@ -175,5 +183,5 @@ def _at_border(points: Array, end: _End, radius: float, viewpoint: Array | None)
             out = abs(float(leads[column]))
             wide = len(outermost) >= _CUT and apart < _NEAR * radius and spread > _SPREAD * radius
             if wide and _OUT < out < _SQUARE:
-                return "is cut off by the outermost pixels, as by the border of the image", "doubtful"
+                return _Reason("is cut off by the outermost pixels, as by the border of the image")
     return None

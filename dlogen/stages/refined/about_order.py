@@ -119,6 +119,7 @@ def about_ends(line: OrderedLine, r: float, place_of: Callable[[Array], Array]) 
 def about_bridges(
     bridges: list[Bridge], line: OrderedLine, r: float, place_of: Callable[[Array], Array]
 ) -> list[Finding]:
+    """Gaps that were bridged, and places where strands meet and may be joined otherwise."""
     findings = []
     for number, (item, join) in enumerate(zip(bridges, line.joins, strict=True)):
         s, place = 0.5 * (item.s[0] + item.s[1]), as_place(place_of(np.array(item.position)))
@@ -134,6 +135,7 @@ def about_bridges(
 
 
 def gap_finding(gap: float, share: float, s: float, place: tuple[float, float, float], cost: float = 0.0) -> Finding:
+    """What to say of a gap: its length in metres and as a share of the line, its place, and the cost of its bridge."""
     message = f"no points for {millimetres(gap)} ({share:.1%} of the length); the gap was bridged"
     if share > _LARGE_GAP:
         return GAP.found(f"{message}, but these may be two objects", "bad", s=s, position=place)

@@ -55,6 +55,14 @@ class OrderedLine:
 
     @staticmethod
     def of(pieces: list[Piece], path: list[tuple[int, bool]], joins: list[Join], r: float) -> OrderedLine:
+        """Pieces along a path, with whether each is reversed, and what fills the gaps between them.
+
+        Args:
+            pieces: all there are.
+            path: numbers of those of this line in their order, and whether they run backwards.
+            joins: between them.
+            r: radius, metres.
+        """
         parts, densities = [], []
         for number, back in path:
             step = -1 if back else 1
@@ -90,10 +98,12 @@ class OrderedLine:
 
 
 def longest_of(lines: list[OrderedLine]) -> OrderedLine:
+    """The one of the greatest length."""
     return max(lines, key=lambda candidate: candidate.length)
 
 
 def bridges_of(line: OrderedLine, points: Array, tree: cKDTree, r: float) -> list[Bridge]:
+    """The joins of a line as places on it: how long their gaps are, and whether another strand passes there."""
     s = arc_lengths(line.points)
     result = []
     for (a, b), join in zip(line.spans, line.joins, strict=True):

@@ -37,6 +37,10 @@ _BELOW = 0.01
 #: Heights of the object within which the bed has a point of it, and the object one of the bed; shares that must have.
 _BESIDE, _ALONG, _BED_SHARE, _OBJECT_SHARE = 1.0, 2.0, 0.9, 0.6
 
+#: An object is no higher above its bed than so many spacings of the sample, which are some radii: a flat piece of it
+#: that is far below the rest is none.
+_HIGHEST = 30.0
+
 
 def bed_points(points: Array) -> BoolArray:
     """Which points are a strip of the plane that the object lies on; none where there is no such strip.
@@ -82,7 +86,8 @@ def _plane_below(sample: Array, up: Array) -> tuple[Array, Array, float] | None:
     above = height > _BEYOND * spread
     if own.mean() < _LEAST or above.mean() < _LEAST or np.mean(height < -_BEYOND * spread) > _BELOW:
         return None
-    tall = float(np.quantile(height[above], 0.95))
+    spacing = float(np.median(cKDTree(sample).query(sample, 2)[0][:, 1]))
+    tall = min(float(np.quantile(height[above], 0.95)), _HIGHEST * spacing)
     # The lower side of a round or winding object is no plane: what it scatters by is not the noise of its points.
     if spread > _FLAT * tall and spread > _AS_NOISY * _thickness(sample[own]):
         return None

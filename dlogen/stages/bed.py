@@ -25,6 +25,9 @@ _WITHIN, _BEYOND = 4.0, 4.5
 #: Heights over that of the object up to which nothing lies above the bed, and the share of its points that is nothing.
 _EMPTY, _NOTHING = 0.35, 0.02
 
+#: What is empty is so many times as high as the bed at least: between two heights that are alike there is nothing ever.
+_CLEAR = 1.25
+
 #: A bed scatters by less than this share of the object's height, or by no more than so many times its patches do.
 _FLAT, _AS_NOISY = 0.02, 2.0
 
@@ -92,7 +95,7 @@ def _plane_below(sample: Array, up: Array) -> tuple[Array, Array, float] | None:
     if spread > _FLAT * tall and spread > _AS_NOISY * _thickness(sample[own]):
         return None
     empty = _EMPTY * tall
-    if empty < _BEYOND * spread:
+    if empty < _CLEAR * _BEYOND * spread:
         return None
     if np.count_nonzero(above & (height < empty)) > _NOTHING * np.count_nonzero(own):
         return None

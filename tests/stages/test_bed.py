@@ -8,7 +8,7 @@ from partly_seen import arc, on_table, oval, two_views
 
 from dlogen.evaluation.centre_line import from_points
 from dlogen.evaluation.shapes import random_centre_line
-from dlogen.evaluation.synthetic import sample_tube
+from dlogen.evaluation.synthetic import sample_tube, synth
 from dlogen.pipeline import fit
 from dlogen.stages.bed import bed_points
 
@@ -67,3 +67,10 @@ def test_a_straight_piece_far_below_the_rest_is_none(seed: int) -> None:
     for side in (None, [0.0, 0.1, -1.0]):
         piece = sample_tube(from_points([[-0.2, 0, 0], [0.2, 0, 0]]), 0.006, 1500, seed, side=side).points
         assert not bed_points(np.concatenate([piece, rest])).any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_lower_side_of_a_flat_curve_with_a_gap_is_none(seed: int) -> None:
+    points = synth("bent", points=5000, seed=seed, noise=0.0005, gaps=[(0.4, 0.75)]).points
+    for moved in (points, points - 0.5 * (points.min(axis=0) + points.max(axis=0))):
+        assert not bed_points(moved).any()

@@ -25,6 +25,9 @@ _WITHIN, _BEYOND = 4.0, 4.5
 #: Heights over that of the object up to which nothing lies above the bed, and the share of its points that is nothing.
 _EMPTY, _NOTHING = 0.35, 0.02
 
+#: What is empty is so many times as high as the bed at least: between two heights that are alike there is nothing ever.
+_CLEAR = 1.25
+
 #: A bed scatters by less than this share of the object's height, or by no more than so many times its patches do.
 _FLAT, _AS_NOISY = 0.02, 2.0
 
@@ -36,6 +39,10 @@ _BELOW = 0.01
 
 #: Heights of the object within which the bed has a point of it, and the object one of the bed; shares that must have.
 _BESIDE, _ALONG, _BED_SHARE, _OBJECT_SHARE = 1.0, 2.0, 0.9, 0.6
+
+#: An object is no higher above its bed than so many spacings of the sample, which are some radii: a flat piece of it
+#: that is far below the rest is none.
+_HIGHEST = 30.0
 
 
 def bed_points(points: Array) -> BoolArray:
@@ -82,12 +89,13 @@ def _plane_below(sample: Array, up: Array) -> tuple[Array, Array, float] | None:
     above = height > _BEYOND * spread
     if own.mean() < _LEAST or above.mean() < _LEAST or np.mean(height < -_BEYOND * spread) > _BELOW:
         return None
-    tall = float(np.quantile(height[above], 0.95))
+    spacing = float(np.median(cKDTree(sample).query(sample, 2)[0][:, 1]))
+    tall = min(float(np.quantile(height[above], 0.95)), _HIGHEST * spacing)
     # The lower side of a round or winding object is no plane: what it scatters by is not the noise of its points.
     if spread > _FLAT * tall and spread > _AS_NOISY * _thickness(sample[own]):
         return None
     empty = _EMPTY * tall
-    if empty < _BEYOND * spread:
+    if empty < _CLEAR * _BEYOND * spread:
         return None
     if np.count_nonzero(above & (height < empty)) > _NOTHING * np.count_nonzero(own):
         return None

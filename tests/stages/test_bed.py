@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from partly_seen import arc, on_table, oval, two_views
 
+from dlogen.evaluation.centre_line import from_points
 from dlogen.evaluation.shapes import random_centre_line
-from dlogen.evaluation.synthetic import sample_tube
+from dlogen.evaluation.synthetic import sample_tube, synth
 from dlogen.pipeline import fit
 from dlogen.stages.bed import bed_points
 
@@ -55,3 +56,21 @@ def test_the_radius_is_right_beside_a_strip(edge: float) -> None:
     assert result.quality.verdict == "good"
     (note,) = (item for item in result.quality.findings if item.code == "stray-points" and "plane" in item.message)
     assert note.message.startswith(f"{100 * edge / (1 + edge):.0f} %")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_straight_piece_far_below_the_rest_is_none(seed: int) -> None:
+    # All of the rest lies within its height, which is many radii, beside the piece.
+    turn = np.linspace(0.0, 5.0, 60)
+    arc_above = np.stack([0.4 * np.cos(turn), 0.4 * np.sin(turn), 0.3 + 0.02 * np.sin(turn)], axis=1)
+    rest = sample_tube(from_points(arc_above), 0.006, 3000, seed).points
+    for side in (None, [0.0, 0.1, -1.0]):
+        piece = sample_tube(from_points([[-0.2, 0, 0], [0.2, 0, 0]]), 0.006, 1500, seed, side=side).points
+        assert not bed_points(np.concatenate([piece, rest])).any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_lower_side_of_a_flat_curve_with_a_gap_is_none(seed: int) -> None:
+    points = synth("bent", points=5000, seed=seed, noise=0.0005, gaps=[(0.4, 0.75)]).points
+    for moved in (points, points - 0.5 * (points.min(axis=0) + points.max(axis=0))):
+        assert not bed_points(moved).any()

@@ -97,6 +97,7 @@ class _Input:
         frame: of the output.
         steps: in which the coordinates are stored.
         vertices: (V, 3) of the mesh whose faces the points are spread over, as prepared; None for other clouds.
+        view_known: whether the viewpoint is one: PCD has zeros where nobody has set it.
         findings: about the input.
     """
 
@@ -104,6 +105,7 @@ class _Input:
     frame: Frame
     steps: Steps
     vertices: Array | None
+    view_known: bool
     findings: tuple[Finding, ...]
 
 
@@ -112,7 +114,8 @@ def _input(cloud: Cloud, config: Config) -> _Input:
     used, said = surface_points(cloud, config.mesh)
     near, far = without_far_points(used)
     # Points in the sensor's own frame are seen from its origin.
-    at_origin = config.frame.use_viewpoint or (near.viewpoint is None and camera_at_origin(near.points))
+    unknown = near.viewpoint is None or not near.viewpoint.any()
+    at_origin = config.frame.use_viewpoint or (unknown and camera_at_origin(near.points))
     seen = replace(near, viewpoint=np.zeros(3)) if at_origin else near
     prepared = prepare(seen, config.units)
     steps = coordinate_steps(near.points)
@@ -120,7 +123,7 @@ def _input(cloud: Cloud, config: Config) -> _Input:
     check_points(near.points, surface=config.projection.enabled and not _are_flat_nodes(near.points, config))
     vertices = None if used.mesh is None else used.mesh.vertices * prepared.scale - prepared.centre
     frame = output_frame(config.frame, used, prepared.scale)
-    return _Input(prepared, frame, steps, vertices, (*said, *check_left_out(far)))
+    return _Input(prepared, frame, steps, vertices, at_origin or not unknown, (*said, *check_left_out(far)))
 
 
 def _are_flat_nodes(points: Array, config: Config) -> bool:
@@ -143,7 +146,7 @@ def _skeleton_line(data: _Input, config: Config, clock: Clock) -> FittedLine:
         else:
             from dlogen.stages.refined.line import refined_line
 
-            line = refined_line(cloud, config, clock)
+            line = refined_line(cloud if data.view_known else replace(cloud, viewpoint=None), config, clock)
     return line if data.vertices is None or config.r != AUTO else with_vertex_radius(line, data.vertices)
 
 

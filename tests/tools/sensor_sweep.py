@@ -1,4 +1,6 @@
-"""How fits of simulated captures turn out: `python tests/tools/sensor_sweep.py [--sensor NAME]... [--count N] [--seed N]`.
+"""How fits of simulated captures turn out.
+
+    python tests/tools/sensor_sweep.py [--sensor NAME]... [--count N] [--seed N] [--given]
 
 Each capture has a random shape on a table, radius, distance, tilt, mask and holes. Right means that the order is right
 and the length within 2 %. Prints a line for each capture that is not right or whose verdict misleads, and totals.
@@ -161,7 +163,8 @@ def judge(name: str, seed: int, given: bool = False) -> Outcome:
     codes = [item.code for item in result.quality.findings if not item.is_note]
     text = (
         f"{words}: {len(cloud.points)} points, L {100 * share:+.1f} %, order {'right' if right else 'WRONG'}, mean "
-        f"{1e3 * distance.mean():.2f} of {1e3 * allowed:.2f} mm, r {1e3 * result.chain.radius:.2f}{'?' if unknown else ''} mm, {codes}"
+        f"{1e3 * distance.mean():.2f} of {1e3 * allowed:.2f} mm, r {1e3 * result.chain.radius:.2f}"
+        f"{'?' if unknown else ''} mm, {codes}"
     )
     return Outcome(
         name,
@@ -179,10 +182,26 @@ def judge(name: str, seed: int, given: bool = False) -> Outcome:
 
 
 def order_right(line: Array, truth: Array, radius: float) -> bool:
-    """Whether going along the one is going along the other, from end to end: matched in order, they are nowhere apart."""
+    """Whether going along the one is going along the other: matched in order, they are nowhere apart."""
     one, other = resample(line, 500), resample(truth, 500)
     apart = min(float(np.max(mdtw(one, way).error)) for way in (other, other[::-1]))
     return apart < max(5.0 * radius, 0.015)
+
+
+def summary(name: str, outcomes: list[Outcome]) -> str:
+    """One line for a sensor."""
+    right = [outcome for outcome in outcomes if outcome.right]
+    crossings = [outcome.right for outcome in outcomes if outcome.crossing]
+    figures = {
+        "right": f"{len(right)} of {len(outcomes)} (crossings {sum(crossings)} of {len(crossings)})",
+        "bad among the right": sum(outcome.verdict == "bad" for outcome in right),
+        "wrong and good": sum(outcome.verdict == "good" and not outcome.right for outcome in outcomes),
+        "far from the axis": sum(outcome.mean > outcome.allowed for outcome in right),
+        "radius off": sum(not outcome.radius_right for outcome in right),
+        "good": sum(outcome.verdict == "good" for outcome in right),
+        "seconds": f"{np.median([outcome.seconds for outcome in outcomes]):.2f}",
+    }
+    return f"{name}: " + ", ".join(f"{key} {value}" for key, value in figures.items())
 
 
 def main() -> None:
@@ -194,28 +213,15 @@ def main() -> None:
     parser.add_argument("--given", action="store_true", help="give the radius")
     options = parser.parse_args()
     for name in options.sensor or SENSORS:
-        outcomes = [judge(name, seed, options.given) for seed in range(options.seed, options.seed + options.count)]
-        for number, outcome in enumerate(outcomes):
-            odd = (
-                not outcome.right
-                or outcome.verdict in ("bad", "refused")
-                or outcome.mean > outcome.allowed
-                or not outcome.radius_right
-            )
-            if odd:
-                print(
-                    f"  {options.seed + number:4d} {'right' if outcome.right else 'WRONG'} {outcome.verdict} {outcome.text}",
-                    flush=True,
-                )
-        right = [o for o in outcomes if o.right]
-        print(
-            f"{name}: right {len(right)} of {len(outcomes)} (crossings {sum(o.right for o in outcomes if o.crossing)} of "
-            f"{sum(o.crossing for o in outcomes)}), bad among the right {sum(o.verdict == 'bad' for o in right)}, wrong and good "
-            f"{sum(o.verdict == 'good' and not o.right for o in outcomes)}, far from the axis {sum(o.mean > o.allowed for o in right)}, "
-            f"radius off {sum(not o.radius_right for o in right)}, good {sum(o.verdict == 'good' for o in right)}, "
-            f"seconds {np.median([o.seconds for o in outcomes]):.2f}",
-            flush=True,
-        )
+        outcomes = []
+        for seed in range(options.seed, options.seed + options.count):
+            outcome = judge(name, seed, options.given)
+            outcomes.append(outcome)
+            misleading = outcome.verdict in ("bad", "refused") or not outcome.radius_right
+            if misleading or not outcome.right or outcome.mean > outcome.allowed:
+                how = "right" if outcome.right else "WRONG"
+                print(f"  {seed:4d} {how} {outcome.verdict} {outcome.text}", flush=True)
+        print(summary(name, outcomes), flush=True)
 
 
 if __name__ == "__main__":

@@ -220,9 +220,8 @@ END_CUT_OFF = _kind(
 END_NOT_SEEN = _kind(
     "end-not-seen",
     ("note", "doubtful"),
-    "The cloud was seen from one side, and the object may go on beyond an end: along the view, behind another strand "
-    "or outside of the image. The length is a lower bound.",
-    "Capture the end from another side, or all of it. If the length of the object is known, give length: where the "
+    "The object may go on beyond an end, along the view, behind another strand or outside of the image.",
+    "The length is a lower bound. Capture the end from another side, or all of it. If the length of the object is known, give length: where the "
     "line is as long, this is a note.",
 )
 CURVATURE_UNCERTAIN = _kind(
@@ -282,13 +281,15 @@ STRAND = _kind(
     "strand",
     ("note",),
     "The depth scatters by about as much as the object is thick, so that only its width shows.",
-    "Nothing: the axis was fitted to the middle of the strip and put behind it. A radius that is given makes the model better.",
+    "Nothing: the axis was fitted to the middle of the strip and put behind it. A radius that is given makes the "
+    "model better.",
 )
 SIDE_UNKNOWN = _kind(
     "side-unknown",
     ("doubtful",),
     "The object was seen from one side, and nothing tells which: the line stays in the surface that was seen.",
-    "The axis is up to a radius away. Keep the sensor's position in the file (VIEWPOINT of PCD), or give the cloud in the frame of the camera.",
+    "The axis is up to a radius away. Keep the sensor's position in the file (VIEWPOINT of PCD), or give the "
+    "cloud in the frame of the camera.",
 )
 POSITION_UNCERTAIN = _kind(
     "position-uncertain",
@@ -316,7 +317,8 @@ RADIUS_VARIES = _kind(
     "radius-varies",
     ("note", "doubtful"),
     "The object is clearly thicker or thinner in places; the model has one radius.",
-    "Nothing if it is a note: plugs at the ends, connectors along it, a corrugated hose. Otherwise take connectors, clips and tape out of the cloud, or give r to say which "
+    "Nothing if it is a note: plugs at the ends, connectors along it, a corrugated hose. Otherwise take "
+    "connectors, clips and tape out of the cloud, or give r to say which "
     "radius the model is to have.",
 )
 BEND_TIGHTER_THAN_RADIUS = _kind(

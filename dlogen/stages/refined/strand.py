@@ -16,7 +16,7 @@ from dlogen.errors import FitError
 from dlogen.geometry.sampling import spatial_sample
 from dlogen.geometry.vectors import column_dots
 from dlogen.stages.refined.linearisation import LOG_LAMBDA, Linearisation, Solution
-from dlogen.stages.refined.normal_equations import normal_equations
+from dlogen.stages.refined.normal_equations import NormalEquations, normal_equations
 from dlogen.stages.refined.shared_noise import inflation
 from dlogen.stages.refined.support import on_support
 from dlogen.stages.refined.tube import robust_scale, tukey
@@ -185,12 +185,13 @@ def _step(points: Array, view: View, strand: Strand, *, search: bool = False, le
     sigma = robust_scale(depth[near]), robust_scale(across[near])
     weight = np.where(near, tukey(np.hypot(depth / sigma[0], across / sigma[1]), 1.0), 0.0)
     shares = [1.0 / (sigma[0] ** 2 * strand.inflation[0]), 1.0 / (sigma[1] ** 2 * strand.inflation[1])]
-    sums = None
+    sums: NormalEquations | None = None
     for direction, residual, share, worth in zip(
         (ahead, sideways), (depth, across), shares, strand.inflation, strict=True
     ):
         more = normal_equations(k, t, direction, residual, weight, curve.intervals).scaled(share, 1.0 / worth)
         sums = more if sums is None else sums + more
+    assert sums is not None
     solution = Linearisation(curve, sums, False).best(strand.smoothing, least)
     return replace(
         strand,

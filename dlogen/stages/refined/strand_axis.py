@@ -107,7 +107,7 @@ def object_of(
     wide = strand.on_curve & (np.abs(strand.depth) < 3.0 * strand.sigma[0])
     wide &= np.abs(strand.across) < _WIDEST * strand.half_width
     half_width, widths, spread = _half_width(s[wide], strand.across[wide], strand.half_width)
-    pixel = float(np.sqrt(2.0 * half_width * strand.curve.length / max(np.count_nonzero(inlier), 1)))
+    pixel = float(np.sqrt(2.0 * half_width * strand.curve.length / max(int(inlier.sum()), 1)))
     if radius is None:
         used, radius_std = half_width, float(np.hypot(np.hypot(_PIXELS * pixel, _SHARE * half_width), spread))
     else:

@@ -80,7 +80,7 @@ def strand_fit(
 
 
 def _any_view(backbone: Array) -> View:
-    """A view across the line everywhere: in noise that is the same all around, no direction is the view, any will do."""
+    """A view across the line everywhere: where the noise is the same all around, any direction will do."""
     across = normals_to(unit(np.gradient(backbone, axis=0)))
     tree = cKDTree(backbone)
 

@@ -10,7 +10,8 @@ import pytest
 
 from dlogen.stages.quality.findings import CLOSED_RING, GAP, NOISE, SIDE_BY_SIDE
 from dlogen.stages.refined.fit_findings import fit_findings
-from dlogen.stages.refined.ordering import Bridge, Ordering
+from dlogen.stages.refined.ordered_line import Bridge
+from dlogen.stages.refined.ordering import Ordering
 from dlogen.stages.refined.refine import Refined
 from dlogen.types import Finding, Skeleton
 

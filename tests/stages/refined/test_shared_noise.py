@@ -18,7 +18,7 @@ def along(count: int, shared: int, seed: int = 0) -> tuple[np.ndarray, np.ndarra
 
 
 def test_independent_residuals_are_worth_what_they_are() -> None:
-    """The largest of several ratios, each known to a tenth or worse: never less than one, rarely more than one and a half."""
+    """The largest of several ratios, each known to a tenth or worse: never less than one, rarely more than 1.5."""
     found = [inflation(*along(20_000, 1, seed), RADIUS) for seed in range(10)]
     assert 1.0 <= np.median(found) < 1.35 and max(found) < 1.8
 

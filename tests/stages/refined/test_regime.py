@@ -47,3 +47,21 @@ def test_wiggles_are_what_is_left_of_the_distance_without_its_mean() -> None:
     assert wiggles(moved, line) == pytest.approx(0.0, abs=1e-4)
     bent = type(line)(line.basis, line.weights * np.array([1.0, 1.1, 1.0]), line.offset, line.length)
     assert wiggles(bent, line) >= 0.0
+
+
+def test_noise_that_neighbours_do_not_share_does_not_make_a_tube_doubtful() -> None:
+    line = centre_line("bent")
+    noise = np.random.default_rng(3)
+    points = sample_tube(line, 0.02, 5000, 1, side=[0.0, 0.0, -1.0]).points
+    alone = points + noise.normal(0.0, 0.0014, points.shape)
+    fit = refine(alone, order(alone).backbone, 0.02)
+    assert fit.noise > 0.06 * fit.radius and fit.shared < 1.5 and not is_doubted(fit)
+    loud = points + noise.normal(0.0, 0.003, points.shape)
+    assert is_doubted(refine(loud, order(loud).backbone, 0.02))
+    # The same for all points within a few centimetres.
+    cell = np.unique(np.round(points / 0.03).astype(int), axis=0, return_inverse=True)[1].ravel()
+    together = points + noise.normal(0.0, 0.0014, (cell.max() + 1, 1))[cell] * np.array([0.0, 0.0, 1.0])
+    fit = refine(together, order(together).backbone, 0.02)
+    assert fit.shared > 1.5 and is_doubted(fit) == (
+        fit.noise > 0.04 * fit.radius or fit.max_curvature * fit.radius > 0.6
+    )

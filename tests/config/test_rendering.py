@@ -6,7 +6,7 @@ import math
 
 import pytest
 from configurations import ANYTHING, KEYS, valid
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
@@ -16,6 +16,8 @@ from dlogen.config.schema import Config
 from dlogen.errors import ConfigError
 
 
+# Whole configurations take long to draw where other tests run on the same core.
+@settings(suppress_health_check=[HealthCheck.too_slow])
 @given(valid())
 def test_round_trip_through_data_and_yaml(tmp_path_factory, data):
     config = Config.from_dict(data)

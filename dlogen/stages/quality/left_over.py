@@ -32,6 +32,10 @@ _SPACED, _THIN, _SHARE = 2.0, 1.0, 0.005
 _SHORT, _SLENDER, _SHORT_POINTS, _SHORT_SHARE, _SHORT_SPACED = 2.0, 1.5, 25, 0.015, 1.3
 
 
+#: Fewest points that can lie along a line.
+_FEWEST = 4
+
+
 def check_left_over(points: Array, line: Skeleton, radius: float, scatter: float = 0.0) -> list[Finding]:
     """The largest group of points that the line leaves out, if there is one.
 
@@ -66,6 +70,8 @@ def check_left_over(points: Array, line: Skeleton, radius: float, scatter: float
 
 def _is_strand(group: Array, extent: float, line: Array, radius: float) -> bool:
     """Whether points (K, 3) lie along a line `extent` long, about as close together as those of the object (M, 3)."""
+    if len(group) < _FEWEST:
+        return False
     length, spread = np.linalg.svd(group - group.mean(axis=0), compute_uv=False)[:2] / np.sqrt(len(group))
     if spread > _THIN * radius or len(line) < 4:
         return False

@@ -65,3 +65,9 @@ def test_a_short_piece_of_a_strand_is_named_if_it_is_as_dense_as_the_rest(rod) -
     (found,) = check_left_over(np.concatenate([rod[0], tip]), rod[1], RADIUS)
     assert found.position == pytest.approx((0.9625, 0.0, 0.009), abs=0.003)
     assert check_left_over(np.concatenate([rod[0], tip[::5]]), rod[1], RADIUS) == []
+
+
+def test_lone_points_all_around_are_none(rod) -> None:
+    """The largest group is one point."""
+    strays = np.stack(np.meshgrid([-0.3, 0.4, 1.1], [-0.3, 0.3], [-0.3, 0.3]), axis=-1).reshape(-1, 3)
+    assert check_left_over(np.concatenate([rod[0], strays]), rod[1], RADIUS) == []

@@ -221,7 +221,8 @@ END_NOT_SEEN = _kind(
     "end-not-seen",
     ("note", "doubtful"),
     "The object may go on beyond an end, along the view, behind another strand or outside of the image.",
-    "The length is a lower bound. Capture the end from another side, or all of it. If the length of the object is known, give length: where the "
+    "The length is a lower bound. Capture the end from another side, or all of it. If the length of the "
+    "object is known, give length: where the "
     "line is as long, this is a note.",
 )
 CURVATURE_UNCERTAIN = _kind(
